@@ -1,11 +1,21 @@
-"""Write the list of all rules in docs/reference/rules.md from the scripts that they run.
+"""Write the list of all rules in docs/reference/rules.md: what scripts and models say of them.
 
-.venv/bin/python docs/make_rules.py
+PYTHONPATH=src .venv/bin/python docs/make_rules.py
 """
 
 import ast
 import re
+from collections import defaultdict
 from pathlib import Path
+
+import yaml
+
+from drapeline.experiment.config import fill_settings
+from drapeline.experiment.files import ExperimentFiles
+from drapeline.experiment.groups import plan_groups
+from drapeline.frames import GENDERS
+from drapeline.models.registry import Model, models
+from drapeline.motions.table import FrameCounts
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/reference/rules.md"
@@ -20,16 +30,11 @@ STAGES = {
     "registration": "Registration to the body",
     "learning_data": "Data for learning",
     "scans": "Segmented scans",
-    "gcvae": "Garment VAEs",
-    "gcvae_figures": "Figures and samples of the garment VAEs",
-    "garment4d": "Garment4D",
-    "garment4d_figures": "Figures of Garment4D",
-    "garment4d_reconstruct": "Garments from your own scans",
-    "smplicit": "SMPLicit",
-    "smplicit_figures": "Figures of SMPLicit",
-    "smplicit_gallery": "Gallery of SMPLicit",
-    "smplicit_images": "SMPLicit on pictures",
-    "smplicit_scans": "SMPLicit on scans",
+    "garment4d": "Shards for Garment4D",
+    "garment4d_reconstruct": "Garment4D on your own scans",
+    "smplicit": "Shards for SMPLicit",
+    "smplicit_images": "SMPLicit on your own pictures",
+    "smplicit_scans": "SMPLicit on your own scans",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }
@@ -49,12 +54,61 @@ def rules_of(file: str) -> dict[str, str]:
     return found
 
 
+def tasks_of(model: Model) -> list[str]:
+    """What the default experiment can do with a model, as rows of a table."""
+    settings = fill_settings(
+        yaml.safe_load((ROOT / "config.yaml").read_text()),
+        yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
+        "config.yaml",
+    )
+    clips = str(ROOT / "workflow/resources/motions/clips.tsv")
+    groups = plan_groups(settings, clips, FrameCounts())
+    bodies = {gender: f"resources/body/{gender}.npz" for gender in GENDERS}
+    plan = model.plan(ExperimentFiles(settings, groups, bodies, hanging_solver=""))
+    evaluations = {name: evaluation.task for name, evaluation in plan.evaluations.items()}
+    kinds = {
+        "collect_data": plan.data,
+        "train": plan.trainings,
+        "evaluate": evaluations,
+        "sample_model": plan.samples,
+    }
+    rows = []
+    for rule, tasks in kinds.items():
+        folders = defaultdict(list)
+        for folder, task in tasks.items():
+            folders[task.run].append(f"`{model.name}/{folder}`")
+        for run, names in folders.items():
+            more = f" and {len(names) - 1} more" if names[1:] else ""
+            rows.append(f"| `{rule}` | {names[0]}{more} | {_about(run)} |")
+    for rule, figure in plan.figures.items():
+        files = [f"`report/{getattr(one, 'file', one)}`" for one in figure.output.values()]
+        more = f" and {len(files) - 1} more" if files[1:] else ""
+        rows.append(f"| `{rule}` | {files[0]}{more} | {_about(figure.task.run)} |")
+    return rows
+
+
+def _about(run: str) -> str:
+    """The first sentence of the docstring of `package.module:function`."""
+    module, _, name = run.partition(":")
+    tree = ast.parse((ROOT / "src" / f"{module.replace('.', '/')}.py").read_text())
+    (found,) = (node for node in tree.body if getattr(node, "name", "") == name)
+    return _sentence((ast.get_docstring(found) or "").partition("\n\n")[0])
+
+
+def _sentence(text: str) -> str:
+    text = " ".join(text.split()).removesuffix(".")
+    return text[:1].upper() + text[1:]
+
+
 def rules_list() -> str:
-    """The rules of all stages as Markdown."""
+    """The rules of all stages, and the tasks of all models, as Markdown."""
     parts = []
     for file, title in STAGES.items():
         rows = [f"| `{name}` | {about} |" for name, about in rules_of(file).items()]
         parts.append("\n".join([f"## {title}", "", "| rule | |", "|---|---|", *rows, ""]))
+    for model in models().values():
+        head = [f"## {model.title}", "", "| rule | in the results | |", "|---|---|---|"]
+        parts.append("\n".join([*head, *tasks_of(model), ""]))
     return "\n".join(parts)
 
 

@@ -13,7 +13,8 @@ from typing import Any
 import yaml
 
 from drapeline.experiment.config import fill_settings
-from drapeline.experiment.settings import MODELS, experiment_with
+from drapeline.experiment.settings import experiment_with
+from drapeline.models.registry import models
 from drapeline.settings import allowed_values
 
 ROOT = Path(__file__).parents[1]
@@ -38,10 +39,11 @@ range stops the run before the first job. Paths are relative to the folder in wh
 
 def schema_text() -> str:
     """The schema as YAML."""
+    blocks = {name: model.settings for name, model in models().items()}
     draft = "https://json-schema.org/draft/2020-12/schema"
     schema = {
         "$schema": draft,
-        **experiment_with(MODELS).schema_of_config(),
+        **experiment_with(blocks).schema_of_config(),
         "title": "drapeline's experiment",
     }
     text = yaml.dump(

@@ -40,22 +40,29 @@ class Named(list):
 
 @pytest.fixture(scope="session")
 def run_rule(tmp_path_factory):
-    """run_rule("make_outfit", input=..., output=..., params=..., wildcards=...)"""
+    """run_rule("make_outfit", input=..., output=..., params=..., wildcards=...)
+
+    Of a model's task, run_rule("package.module:function", ...) with what it is told as params.
+    """
     logs = tmp_path_factory.mktemp("logs")
 
     def run(rule, *, input=(), output=(), params=None, wildcards=None, threads=THREADS):
         def files(given):
             return Named(**given) if isinstance(given, dict) else Named(*given)
 
+        script, params = rule, dict(params or {})
+        if ":" in rule:
+            own = {key: params.pop(key, "") for key in ("code", "progress")}
+            script, params = "run_job", {"run": rule, "told": params, **own}
         job = SimpleNamespace(
             input=files(input),
             output=files(output),
-            params=SimpleNamespace(**(params or {})),
+            params=SimpleNamespace(**params),
             wildcards=SimpleNamespace(**(wildcards or {})),
-            log=[str(logs / f"{rule}.log")],
+            log=[str(logs / f"{script}.log")],
             threads=threads,
         )
-        runpy.run_path(str(SCRIPTS / f"{rule}.py"), {"snakemake": job}, "__main__")
+        runpy.run_path(str(SCRIPTS / f"{script}.py"), {"snakemake": job}, "__main__")
         return job
 
     return run

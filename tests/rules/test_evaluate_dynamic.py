@@ -82,13 +82,12 @@ def stages(toy_body, tmp_path_factory):
 
 def test_evaluate_dynamic_measures_held_out_frames(run_rule, stages, tmp_path):
     run_rule(
-        "evaluate_dynamic",
+        "drapeline.models.gcvae.evaluate:evaluate_dynamic",
         input=stages,
-        output=[tmp_path / "dvae.tsv"],
-        params={"splits": ["val", "test"], "frames": FRAMES},
-        wildcards={"dynamic": "dvae_unposed_4"},
+        output=[tmp_path / "dvae"],
+        params={"splits": ["val", "test"], "frames": FRAMES, "variant": "dvae_unposed_4"},
     )
-    rows = read_metrics(tmp_path / "dvae.tsv")
+    rows = read_metrics(tmp_path / "dvae/metrics.tsv")
     assert {(r.model, r.variant, r.split) for r in rows.itertuples()} == {
         ("dvae", "dvae_unposed_4", "test")
     }
@@ -114,13 +113,12 @@ def stages_of_either(request):
 
 def test_a_pca_is_measured_as_decoded_and_settled(run_rule, stages_of_ppca, tmp_path):
     run_rule(
-        "evaluate_dynamic",
+        "drapeline.models.gcvae.evaluate:evaluate_dynamic",
         input=stages_of_ppca,
-        output=[tmp_path / "ppca.tsv"],
-        params={"splits": ["test"], "frames": FRAMES},
-        wildcards={"dynamic": "dynamic_ppca"},
+        output=[tmp_path / "ppca"],
+        params={"splits": ["test"], "frames": FRAMES, "variant": "dynamic_ppca"},
     )
-    rows = read_metrics(tmp_path / "ppca.tsv")
+    rows = read_metrics(tmp_path / "ppca/metrics.tsv")
     decoded, settled = (
         find_value(rows, variant, "test", "all", "surface_error_mm")
         for variant in ("dynamic_ppca", "dynamic_ppca_settled")
@@ -131,12 +129,12 @@ def test_a_pca_is_measured_as_decoded_and_settled(run_rule, stages_of_ppca, tmp_
 
 def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):
     run_rule(
-        "evaluate_dynamic_baselines",
+        "drapeline.models.gcvae.evaluate:evaluate_dynamic_baselines",
         input=stages,
-        output=[tmp_path / "baselines.tsv"],
+        output=[tmp_path / "baselines"],
         params={"splits": ["val", "test"], "step": 2, "seed": 0},
     )
-    rows = read_metrics(tmp_path / "baselines.tsv")
+    rows = read_metrics(tmp_path / "baselines/metrics.tsv")
     for name in ("skinned_static", "skinned_mean"):
         assert find_value(rows, name, "test", "all", "surface_error_mm").n == 6
     assert find_value(rows, "moving", "test", "Tshirt", "inside_share") is not None
@@ -144,7 +142,7 @@ def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):
 
 def test_figure_10_has_its_four_rows(run_rule, stages_of_either, tmp_path):
     run_rule(
-        "plot_gcvae_wrinkles",
+        "drapeline.models.gcvae.figures:plot_wrinkles",
         input=stages_of_either,
         output=[tmp_path / "wrinkles.png"],
         params={"frames": FRAMES, "columns": 2, "seed": 0, "rays": 0.02},
@@ -186,13 +184,14 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
         def rows(self, split):
             return np.arange(split == "test")
 
-    save_codes(tmp_path / "codes.npz", codes, Rows())
+    (tmp_path / "evaluated").mkdir()
+    save_codes(tmp_path / "evaluated/codes.npz", codes, Rows())
     run_rule(
-        "plot_gcvae_errors",
+        "drapeline.models.gcvae.figures:plot_errors",
         input={
             **stages_of_either,
             "svae": stages_of_either["static"],
-            "codes": tmp_path / "codes.npz",
+            "evaluated": tmp_path / "evaluated",
             "data": data,
             "outfits": [tmp_path / "outfits_at_rest"],
         },

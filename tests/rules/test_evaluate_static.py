@@ -28,27 +28,26 @@ def files(tmp_path):
 
 
 def evaluate(run_rule, files):
-    output = {"metrics": files.folder / "svae.tsv", "codes": files.folder / "codes.npz"}
+    output = files.folder / "evaluated"
     run_rule(
-        "evaluate_static",
+        "drapeline.models.gcvae.evaluate:evaluate_static",
         input={"model": files.folder / "model", "data": files.folder / "data"},
-        output=output,
-        params={"splits": SPLITS},
-        wildcards={"static": "svae_no_cvar"},
+        output=[output],
+        params={"splits": SPLITS, "variant": "svae_no_cvar"},
     )
     return output
 
 
 def test_evaluate_static_measures_held_out_garments_and_keeps_all_codes(run_rule, files):
     output = evaluate(run_rule, files)
-    rows = read_metrics(output["metrics"])
+    rows = read_metrics(output / "metrics.tsv")
     assert set(rows["split"]) == set(SPLITS)
     assert {(row.model, row.variant) for row in rows.itertuples()} == {("svae", "svae_no_cvar")}
     whole = find_value(rows, "svae_no_cvar", "test", "all", "surface_error_mm")
     assert whole.n == len(files.garments.rows("test"))
     for name in ("normal_error_deg", "mask_iou", "kl_nat", "inside_share", "pieces"):
         assert find_value(rows, "svae_no_cvar", "val", "all", name) is not None
-    codes, about = load_codes(output["codes"])
+    codes, about = load_codes(output / "codes.npz")
     assert codes.mean.shape == (len(files.garments.garment), 5)
     np.testing.assert_array_equal(about["split"], files.garments.split)
     np.testing.assert_array_equal(about["garment"], files.garments.garment)
@@ -70,9 +69,9 @@ def test_evaluate_baselines_measures_three_and_the_truth(run_rule, files, toy_bo
     for gender in GENDERS:
         save_body(files.folder / f"{gender}.npz", tube_body)
     save_topology(files.folder / "topology.npz", toy_topology())
-    output = files.folder / "baselines.tsv"
+    output = files.folder / "baselines"
     run_rule(
-        "evaluate_baselines",
+        "drapeline.models.gcvae.evaluate:evaluate_baselines",
         input={
             "data": files.folder / "data",
             "topology": files.folder / "topology.npz",
@@ -81,7 +80,7 @@ def test_evaluate_baselines_measures_three_and_the_truth(run_rule, files, toy_bo
         output=[output],
         params={"splits": SPLITS, "components": 16, "seed": 1},
     )
-    rows = read_metrics(output)
+    rows = read_metrics(output / "metrics.tsv")
 
     def error(variant, garment="all"):
         return find_value(rows, variant, "test", garment, "surface_error_mm").value
@@ -99,28 +98,34 @@ def test_evaluate_baselines_measures_three_and_the_truth(run_rule, files, toy_bo
 
 
 def test_tables_are_collected_and_shown(run_rule, files):
-    metrics = evaluate(run_rule, files)["metrics"]
+    evaluated = evaluate(run_rule, files)
     whole = files.folder / "metrics.tsv"
-    run_rule("collect_metrics", input=[metrics], output=[whole])
-    assert whole.read_bytes() == metrics.read_bytes()
+    run_rule("collect_metrics", input=[evaluated], output=[whole])
+    assert whole.read_bytes() == (evaluated / "metrics.tsv").read_bytes()
     output = {"page": files.folder / "page.html", "table": files.folder / "beside.tsv"}
-    run_rule("tabulate_gcvae", input=[whole], output=output)
+    run_rule(
+        "drapeline.report.models.gcvae.tables:tabulate", input={"metrics": whole}, output=output
+    )
     assert "Garment VAE without regressing conditional variables" in output["page"].read_text()
     assert output["table"].read_text().startswith("table\tmodel\tvariant\tgarment\t")
 
 
 def test_figure_8_and_figure_9_are_drawn(run_rule, files, toy_body):
-    codes = evaluate(run_rule, files)["codes"]
-    run_rule("plot_gcvae_codes", input=[codes], output=[files.folder / "codes.svg"])
+    evaluated = evaluate(run_rule, files)
+    run_rule(
+        "drapeline.models.gcvae.figures:plot_evaluated_codes",
+        input={"evaluated": evaluated},
+        output=[files.folder / "codes.svg"],
+    )
     assert ">Dress<" in (files.folder / "codes.svg").read_text()
     for gender in GENDERS:
         save_body(files.folder / f"{gender}.npz", toy_body)
     output = {"sheet": files.folder / "sheet.png", "moving": files.folder / "moving.png"}
     run_rule(
-        "plot_gcvae_walks",
+        "drapeline.models.gcvae.figures:plot_walks",
         input={
             "model": files.folder / "model",
-            "codes": codes,
+            "evaluated": evaluated,
             "data": files.folder / "data",
             **{gender: files.folder / f"{gender}.npz" for gender in GENDERS},
         },

@@ -56,18 +56,19 @@ def trained(run_rule, folder, bodies, sequences):
             "pointnet": {**CANONICAL, "training": SHORT},
         }.get(name, {**POSED, "training": SHORT})
         run_rule(
-            f"train_garment4d_{stage}",
+            f"drapeline.models.garment4d.train:train_{stage}",
             input={"data": folder / "data", **bodies}
             | ({} if canonical else {"canonical": train("canonical")}),
             output=[output],
             params={
                 "settings": override_settings(settings, POSED_VARIANTS.get(name, {})),
+                "pointnet": name == "pointnet",
+                "mgn": name == "mgn",
                 "body_points": BODY_POINTS,
                 "trainer": {"accelerator": "cpu"},
                 "code": "c",
                 "progress": str(folder / ".progress" / name),
             },
-            wildcards={stage: name, "garment": GARMENT},
         )
         return output
 
@@ -101,17 +102,17 @@ def test_a_damaged_folder_of_sequences_ends_a_training_with_one_sentence(
     (tmp_path / "data" / "about.json").write_bytes((folder / "data" / "about.json").read_bytes())
     with pytest.raises(SystemExit, match=r"drapeline: .*space.npz: no such file, expected an .npz"):
         run_rule(
-            "train_garment4d_canonical",
+            "drapeline.models.garment4d.train:train_canonical",
             input={"data": tmp_path / "data", **bodies},
             output=[tmp_path / "canonical"],
             params={
+                "pointnet": False,
                 "settings": CANONICAL,
                 "body_points": 30,
                 "trainer": {"accelerator": "cpu"},
                 "code": "c",
                 "progress": "none",
             },
-            wildcards={"canonical": "canonical"},
         )
     assert not (tmp_path / "canonical").exists()
 
@@ -119,9 +120,9 @@ def test_a_damaged_folder_of_sequences_ends_a_training_with_one_sentence(
 def test_all_variants_are_measured_and_pictured(run_rule, trained, folder, bodies, tmp_path):
     inputs = {name: trained(name) for name in ("canonical", "pointnet", "mgn")}
     run_rule(
-        "evaluate_garment4d",
+        "drapeline.models.garment4d.evaluate:evaluate_garment",
         input={"data": folder / "data", **bodies, **inputs, "posed": [trained("posed")]},
-        output={"metrics": tmp_path / "metrics.tsv", "pictures": tmp_path / "pictures"},
+        output=[tmp_path / "evaluated"],
         params={
             "posed": ["posed"],
             "splits": ["test"],
@@ -131,11 +132,11 @@ def test_all_variants_are_measured_and_pictured(run_rule, trained, folder, bodie
             "body_points": BODY_POINTS,
         },
     )
-    rows = read_metrics(tmp_path / "metrics.tsv")
+    rows = read_metrics(tmp_path / "evaluated/metrics.tsv")
     for variant in ("posed", "mgn", "lbs", "ours", "neighbours_1", "missing_50", "accuracy_70"):
         assert find_value(rows, variant, "test", GARMENT, "vertex_error_mm").value > 0
     for name, variant in (("00008", "posed"), ("00008_ours", "ours")):
-        shown = load_reconstruction(tmp_path / "pictures" / f"{name}.npz")
+        shown = load_reconstruction(tmp_path / f"evaluated/reconstructions/{name}.npz")
         error = 1000 * np.linalg.norm(shown.final - shown.true, axis=-1).mean()
         measured = find_value(rows, variant, "test", GARMENT, "vertex_error_mm")
         assert measured.value == pytest.approx(error, rel=1e-4)

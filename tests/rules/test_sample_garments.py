@@ -18,7 +18,7 @@ def sampled(run_rule, tmp_path, toy_body):
         save_body(tmp_path / f"{gender}.npz", toy_body)
     bodies = {gender: tmp_path / f"{gender}.npz" for gender in GENDERS}
     run_rule(
-        "sample_garments",
+        "drapeline.models.gcvae.sample:sample_garments_of_codes",
         input={"model": tmp_path / "model", **bodies},
         output=[tmp_path / "samples"],
         params={
@@ -53,7 +53,7 @@ def test_samples_are_files_with_a_table(sampled):
 def test_samples_are_drawn(run_rule, sampled, tmp_path):
     folder, bodies = sampled
     run_rule(
-        "plot_gcvae_samples",
+        "drapeline.models.gcvae.figures:plot_sampled",
         input={"samples": folder, **bodies},
         output=[tmp_path / "samples.png"],
         params={"shown": 3, "rays": 0.02},

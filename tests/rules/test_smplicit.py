@@ -42,31 +42,31 @@ def made(folder, run_rule):
         params={"seed": 0, "near": 64, "space": 64, "resolution": 32, "boxes": BOXES},
     )
     run_rule(
-        "collect_fields",
+        "drapeline.learning_data.garment_fields:collect",
         input={**bodies, "shards": [folder / "fields.npz"]},
         output=[folder / "data"],
         params={"garments": ("Skirt",), "resolution": 32, "clusters": 12},
     )
     run_rule(
-        "train_smplicit",
+        "drapeline.models.smplicit.train:train",
         input={**bodies, "data": folder / "data"},
         output=[folder / "model"],
         params={
+            "name": "skirt",
             "settings": SETTINGS,
             "trainer": {"accelerator": "cpu"},
             "progress": str(folder / "progress"),
             "code": "x",
         },
-        wildcards={"field": "skirt"},
     )
     run_rule(
-        "evaluate_smplicit",
+        "drapeline.models.smplicit.evaluate:evaluate",
         input={
             "model": folder / "model",
             "data": folder / "data",
             "outfits": [folder / "outfits_at_rest"],
         },
-        output={"metrics": folder / "metrics.tsv", "held_out": folder / "held_out.npz"},
+        output=[folder / "evaluated"],
         params={
             "split": "test",
             "meshing": MESHING,
@@ -82,21 +82,28 @@ def test_fields_are_collected(made):
 
 
 def test_held_out_garments_are_evaluated(made):
-    rows = read_metrics(made / "metrics.tsv")
+    rows = read_metrics(made / "evaluated/metrics.tsv")
     assert set(rows["model"]) == {"smplicit"}
     assert "smplicit_skirt_fitted" in set(rows["variant"])
-    assert list(load_held_out(made / "held_out.npz")) == [("s6", "Skirt"), ("s7", "Skirt")]
+    assert list(load_held_out(made / "evaluated/held_out.npz")) == [
+        ("s6", "Skirt"),
+        ("s7", "Skirt"),
+    ]
 
 
 def test_pages_and_figures_are_made(made, run_rule, tmp_path):
-    run_rule("tabulate_smplicit", input=[made / "metrics.tsv"], output=[tmp_path / "page.html"])
+    run_rule(
+        "drapeline.report.models.smplicit.tables:tabulate",
+        input={"metrics": made / "evaluated/metrics.tsv"},
+        output=[tmp_path / "page.html"],
+    )
     assert "Skirts" in (tmp_path / "page.html").read_text()
     run_rule(
-        "plot_smplicit",
+        "drapeline.models.smplicit.figures:plot_held_out",
         input={
             "models": [made / "model"],
             "data": [made / "data"],
-            "held_out": [made / "held_out.npz"],
+            "evaluated": [made / "evaluated"],
             "outfits": [made / "outfits_at_rest"],
         },
         output=[tmp_path / "garments.png"],
@@ -108,13 +115,13 @@ def test_pages_and_figures_are_made(made, run_rule, tmp_path):
 def test_a_model_that_is_missing_is_named(made, run_rule, tmp_path):
     with pytest.raises((InputError, SystemExit)):
         run_rule(
-            "evaluate_smplicit",
+            "drapeline.models.smplicit.evaluate:evaluate",
             input={
                 "model": tmp_path / "nowhere",
                 "data": made / "data",
                 "outfits": [made / "outfits_at_rest"],
             },
-            output={"metrics": tmp_path / "m.tsv", "held_out": tmp_path / "h.npz"},
+            output=[tmp_path / "m"],
             params={"split": "test", "meshing": MESHING, "fit": {}, "seed": 0},
         )
-    assert not (tmp_path / "m.tsv").exists()
+    assert not (tmp_path / "m").exists()

@@ -42,7 +42,7 @@ def made(run_rule, tmp_path_factory, toy_body, exact_fields):
     save_toy_model(folder / "skirt", toy_body, codes)
     save_toy_outfits(folder / "outfits_at_rest", codes)
     run_rule(
-        "make_smplicit_gallery",
+        "drapeline.models.smplicit.gallery.files:make_gallery",
         input={"model": folder / "skirt", "outfits": [folder / "outfits_at_rest"]},
         output=[folder / "gallery"],
         params={"samples": 2, "seed": 0, "meshing": MESHING},
@@ -73,7 +73,7 @@ def test_edited_tubes_measure_what_was_asked_for(made):
 
 def test_sheets_are_drawn(run_rule, made, tmp_path):
     run_rule(
-        "plot_smplicit_gallery",
+        "drapeline.models.smplicit.figures:plot_sheets",
         input={
             "gallery": made / "gallery",
             **{gender: body_file(made / "skirt", gender) for gender in GENDERS},
@@ -98,7 +98,7 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
         names = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
         output = {key: tmp_path / name for key, name in names.items()}
         run_rule(
-            "pose_smplicit_garment",
+            "drapeline.models.smplicit.figures:pose_garment",
             input={
                 "model": made / "skirt",
                 "gallery": made / "gallery",
@@ -156,8 +156,8 @@ def test_a_simulated_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_p
 
 def test_codes_have_a_page_and_a_table(run_rule, made, tmp_path):
     run_rule(
-        "tabulate_smplicit_gallery",
-        input=[made / "gallery"],
+        "drapeline.report.models.smplicit.tables:tabulate_gallery",
+        input={"galleries": [made / "gallery"]},
         output={"page": tmp_path / "page.html", "table": tmp_path / "all.tsv"},
         params={"models": ["skirt"]},
     )

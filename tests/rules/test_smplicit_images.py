@@ -107,9 +107,9 @@ def test_a_picture_of_unlearned_garments_is_refused(run_rule, skirt, picture, tm
 def evaluate(run_rule, skirt, folder, samples, others):
     """Rows of the table, and names of the pictures, of samples that were written to a folder."""
     run_rule(
-        "evaluate_images",
+        "drapeline.models.smplicit.pictures.evaluate:evaluate_images",
         input={"models": [skirt], "samples": [folder / "samples"]},
-        output={"metrics": folder / "metrics.tsv", "shown": folder / "shown"},
+        output=[folder / "evaluated"],
         params={
             "split": "test",
             "samples": samples,
@@ -122,9 +122,9 @@ def evaluate(run_rule, skirt, folder, samples, others):
             **HANGING,
         },
     )
-    with open(folder / "metrics.tsv") as stream:
+    with open(folder / "evaluated/metrics.tsv") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
-    files = sorted((folder / "shown").iterdir())
+    files = sorted((folder / "evaluated").glob("*.npz"))
     return rows, [load_fitted_picture(file).name for file in files]
 
 
@@ -152,8 +152,8 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, pictured, t
 
     def height(most):
         run_rule(
-            "plot_fit_images",
-            input=[tmp_path / "shown"],
+            "drapeline.report.models.smplicit.figures:plot_evaluated_pictures",
+            input={"evaluated": tmp_path / "evaluated"},
             output=[tmp_path / "all.png"],
             params={"rays": 0.02, "most": most},
         )

@@ -60,9 +60,9 @@ def test_scans_of_a_sample_have_a_fitted_body(scanned):
 def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path, frames):
     sample, scans = scanned
     run_rule(
-        "evaluate_scans_smplicit",
+        "drapeline.models.smplicit.scans.garments:fit_to_scans",
         input={"scans": [scans], "samples": [sample.parent], "models": [skirt]},
-        output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown.npz"},
+        output=[tmp_path / "scans"],
         params={
             "split": "test",
             "body": BODY_FIT,
@@ -72,13 +72,13 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
             **HANGING,
         },
     )
-    rows = read_metrics(tmp_path / "metrics.tsv")
+    rows = read_metrics(tmp_path / "scans/metrics.tsv")
     assert set(rows["variant"]) == {
         *(f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")),
         *(f"smplicit_scan_{name}" for name in ("nearest_hung", "hung", "hung_moved") if frames),
         *(f"scan_body_{name}" for name in ("estimated", "fitted", "joint")),
     }
-    (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
+    (shown,) = load_fitted_scans(tmp_path / "scans/fitted_scans.npz").values()
     assert set(shown["smplicit_scan_code"]) == {"Skirt"}
     if frames:
         nearest, hung = (
@@ -94,11 +94,13 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         assert still.vertices.shape == moved.vertices.shape
         assert not np.allclose(still.vertices, moved.vertices, atol=1e-4)
     assert {TRUE, BODY} <= set(shown)
-    run_rule("tabulate_scans", input=[tmp_path / "metrics.tsv"], output=[tmp_path / "page.html"])
+    run_rule(
+        "tabulate_scans", input=[tmp_path / "scans/metrics.tsv"], output=[tmp_path / "page.html"]
+    )
     assert "SMPLicit, fitted code" in (tmp_path / "page.html").read_text()
     run_rule(
         "plot_scans",
-        input={"scans": [scans], "fits": [tmp_path / "shown.npz"]},
+        input={"scans": [scans], "evaluated": [tmp_path / "scans"]},
         output=[tmp_path / "sheet.png"],
         params={"most": 1, "rays": 0.02},
     )

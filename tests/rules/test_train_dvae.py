@@ -117,15 +117,15 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
     if not fitted:
         given["conditioning"] = tmp_path / "conditioning_dynamic"
         run_rule(
-            "train_dvae_conditioning",
+            "drapeline.models.gcvae.train:train_dvae_conditioning",
             input={"data": data, "static": static},
             output=[given["conditioning"]],
             params={
+                "frames": frames,
                 "settings": {"condition": 4, "training": {"epochs": 2}},
                 "code": "c",
                 "progress": str(tmp_path / ".progress" / "c"),
             },
-            wildcards={"version": version, "frames": str(frames)},
         )
     training = {
         "settings": override_settings(SETTINGS, DVAE_VARIANTS.get(variant, {})),
@@ -133,7 +133,7 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
         "progress": str(tmp_path / ".progress" / "d"),
     }
     run_rule(
-        "fit_dynamic_ppca" if fitted else "train_dvae",
+        f"drapeline.models.gcvae.train:{'fit_dynamic_ppca' if fitted else 'train_dvae'}",
         input=given,
         output=[tmp_path / "dvae"],
         params={
@@ -141,7 +141,6 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
             "frames": frames,
             **({"settings": {"latent": 6, "seed": 0}} if fitted else training),
         },
-        wildcards={} if fitted else {"dvae": variant},
     )
     model = load_codec(tmp_path / "dvae" / "best.safetensors")
     garments = load_dynamic_garments(data, static, frames)

@@ -134,7 +134,7 @@ def test_what_cannot_be_decoded_is_refused_in_one_sentence(fitted, changed, mess
 def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, tmp_path):
     with pytest.raises(SystemExit, match=r"drapeline: .*best\.safetensors: no such file"):
         run_rule(
-            "train_svae",
+            "drapeline.models.gcvae.train:train_svae",
             input={**stages, "conditioning": tmp_path / "nothing"},
             output=[tmp_path / "svae"],
             params={
@@ -143,6 +143,5 @@ def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, 
                 "code": "c",
                 "progress": str(tmp_path / ".progress"),
             },
-            wildcards={"svae": "svae"},
         )
     assert not (tmp_path / "svae").exists()

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.models.garment4d.data import BodySequences, Windows
-from drapeline.models.garment4d.stages import CanonicalStage, Stage, train_stage
+from drapeline.models.garment4d.stages import CanonicalStage, Stage
+from drapeline.models.garment4d.train import train_stage
 from drapeline.models.training.batches import Batch, as_tensors
 from toys.threads import THREADS
 

@@ -64,14 +64,14 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
     """Run the rules that train or fit a static model; returns its folder."""
     if variant == "static_ppca":
         run_rule(
-            "fit_static_ppca",
+            "drapeline.models.gcvae.train:fit_static_ppca",
             input=files,
             output=[folder / variant],
             params={"settings": {"latent": 6, "seed": 0}, "code": "c"},
         )
         return folder / variant
     run_rule(
-        "train_svae",
+        "drapeline.models.gcvae.train:train_svae",
         input={**files, "conditioning": train_conditioning(run_rule, files, folder)},
         output=[folder / variant],
         params={
@@ -80,7 +80,6 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
             "code": "c",
             "progress": str(folder / ".progress" / variant),
         },
-        wildcards={"svae": variant},
     )
     return folder / variant
 
@@ -88,7 +87,7 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
 def train_conditioning(run_rule, files: dict[str, Path], folder: Path) -> Path:
     """Run `train_svae_conditioning`; returns its folder."""
     run_rule(
-        "train_svae_conditioning",
+        "drapeline.models.gcvae.train:train_svae_conditioning",
         input={"data": files["data"]},
         output=[folder / "conditioning"],
         params={

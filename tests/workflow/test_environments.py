@@ -10,8 +10,10 @@ import pytest
 import yaml
 
 from drapeline.experiment.source_digest import Sources
+from drapeline.models.registry import models
 from toys.cloth_solvers import cloth_solvers
 from toys.imported_modules import imported_modules
+from toys.plans import files_of, tasks_of
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
@@ -74,8 +76,11 @@ def script_environments():
         for rule in re.split(r"^(?:checkpoint|rule) ", file.read_text(), flags=re.MULTILINE)[1:]:
             script = re.search(r'"../../scripts/(\w+)\.py"', rule)
             environment = re.search(r'"../../envs/(\w+)\.yaml"', rule)
-            if script and script.group(1) not in SIMULATIONS:
+            if script and script.group(1) not in (*SIMULATIONS, "run_job"):
                 yield script.group(1), environment and environment.group(1), None
+    for model in models().values():
+        for task in tasks_of(model.plan(files_of())).values():
+            yield "run_job", task.environment, task.run
 
 
 @cache
@@ -99,10 +104,18 @@ def test_a_rules_environment_holds_what_its_script_imports(script, environment, 
     assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"
 
 
+# Modules that load trained models.
+LOADERS = {
+    SOURCES.file(loader.partition(":")[0])
+    for model in models().values()
+    for loader in model.loaders.values()
+}
+
+
 @pytest.mark.parametrize(
     ("extra", "entries"),
     [
-        ("torch", [SOURCE / "torch.py", SOURCE / "models/load.py"]),
+        ("torch", [SOURCE / "torch.py", SOURCE / "models/load.py", *LOADERS]),
         ("pipeline", sorted(ROOT.glob("scripts/*.py"))),
     ],
 )

@@ -73,11 +73,11 @@ def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     planned = jobs("scans")
     assert planned["simulate_outfits"] == 16 + 11  # of the dataset, and shards of others
     assert planned["reconstruct_garment"] == 1
-    assert planned["train_garment4d_posed"] == 1
+    assert planned["train"] == 2  # the canonical stage and the posed one
 
 
 def test_pictures_are_fitted_by_models_of_the_default_experiment(jobs):
     planned = jobs("pictures")
     assert planned["fit_picture"] == planned["plot_fitted_picture"] == 1
-    assert planned["train_smplicit"] == 4
+    assert planned["train"] == 4
     assert "simulate_outfits" not in planned

@@ -29,83 +29,77 @@ from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import simulate_outfit
 from toys.cloth import Follower, dress
 from toys.cloth_solvers import cloth_solvers
-from toys.imported_modules import imported_modules
 from toys.metric_rows import metric_table
 from toys.schema import SCHEMA
 from toys.snakemake_run import PARTS, ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
 
-TOY_RULES = """
-METRIC_TABLES["metrics"] += ["toy"]
-METRIC_TABLES["representations"] += ["representations_toy"]
-DEFAULT_TARGETS += [f"{RESULTS}/report/toy_metrics.html"]
-
-
-rule train_toy:
-    input:
-        data=static_data("train", "val"),
-    output:
-        directory(f"{RESULTS}/toy/model"),
-    log:
-        f"{LOGS}/train_toy.log",
-    params:
-        size=lookup(dpath="toy/size", within=config),
-        code=source_hash("train_toy"),
-    script:
-        "../../scripts/train_toy.py"
-
-
-rule evaluate_toy:
-    input:
-        model=f"{RESULTS}/toy/model",
-        data=static_data(*EVALUATED_SPLITS),
-    output:
-        f"{RESULTS}/metrics/toy.tsv",
-    log:
-        f"{LOGS}/evaluate_toy.log",
-    params:
-        code=source_hash("evaluate_toy"),
-    script:
-        "../../scripts/evaluate_toy.py"
-
-
-rule compare_toy:
-    input:
-        data=static_data(*EVALUATED_SPLITS),
-    output:
-        f"{RESULTS}/metrics/representations_toy.tsv",
-    log:
-        f"{LOGS}/compare_toy.log",
-    params:
-        code=source_hash("compare_toy"),
-    script:
-        "../../scripts/compare_toy.py"
-
-
-rule tabulate_toy:
-    input:
-        f"{RESULTS}/metrics.tsv",
-    output:
-        report(f"{RESULTS}/report/toy_metrics.html", caption="../report/toy.rst"),
-    log:
-        f"{LOGS}/tabulate_toy.log",
-    params:
-        code=source_hash("tabulate_toy"),
-    script:
-        "../../scripts/tabulate_toy.py"
-"""
-TOY_SETTINGS = """
+# A model in a package of its own.
+STRANGER = {
+    "settings.py": """
 from drapeline.settings import Field, Settings
 
 
 class ToySettings(Settings):
     size: int = Field(3, ge=1, description="Numbers of the code.")
-"""
-TOY_MODEL = """
-from drapeline.geometry.mesh import Mesh
+""",
+    "plan.py": """
+from stranger.settings import ToySettings
 
-MODEL = "toy"
+from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+
+
+def plan(files):
+    size, cost = files.config["toy"]["size"], {"seconds": 1, "megabytes": 100}
+    folder = f"{files.results}/toy"
+    train = Task("stranger.train:train", {"data": files.static}, {"size": size}, **cost)
+    evaluate = Task("stranger.evaluate:evaluate", {"model": f"{folder}/model"}, {}, **cost)
+    compare = Task("stranger.evaluate:compare", {"data": files.static}, {}, **cost)
+    show = Task("stranger.evaluate:show", {"metrics": files.metrics("metrics")}, {}, **cost)
+    return ModelPlan(
+        data={},
+        trainings={"model": train},
+        evaluations={
+            "evaluated/toy": Evaluation(evaluate, ["metrics"]),
+            "evaluated/representations": Evaluation(compare, ["representations"]),
+        },
+        samples={},
+        figures={"show_toy": Figure(show, {"page": Shown("toy.html", "errors", CAPTION)})},
+        targets={"toy_model": [f"{folder}/model"]},
+    )
+
+
+CAPTION = __file__.replace("plan.py", "toy.rst")
+MODEL = Model("toy", "Toy", ToySettings, plan, loaders={"toy": "stranger.train:Toy"})
+""",
+    "toy.rst": "A toy.\n",
+    "train.py": """
+import json
+from pathlib import Path
+
+
+class Toy:
+    def __init__(self, folder):
+        self.size = json.loads((Path(folder) / "model.json").read_text())
+
+
+def train(job):
+    folder = Path(job.output[0])
+    folder.mkdir()
+    (folder / "model.json").write_text(json.dumps(job.params.size))
+""",
+    "evaluate.py": """
+from pathlib import Path
+
+import numpy as np
+from stranger.train import Toy
+
+from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.table import summarise, write_evaluation
+from drapeline.models.compare import compare_representations
+from drapeline.models.contract import HeldOutGarment
 
 
 class Flat:
@@ -117,31 +111,26 @@ class Flat:
     def rebuild(self, garments):
         for garment in garments:
             yield Mesh(garment.mesh.vertices * [1, 1, 0], garment.mesh.faces)
-"""
-TOY_COMPARISON = """
-import numpy as np
 
-from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.table import write_metrics
-from drapeline.models.compare import compare_representations
-from drapeline.models.contract import HeldOutGarment
-from drapeline.models.toy.model import Flat
 
-mesh = Mesh(np.float32([[0, 0, 0.01], [1, 0, 0.01], [0, 1, 0.01]]), np.int32([[0, 1, 2]]))
-garments = [HeldOutGarment(0, "s00001", "Skirt", mesh)]
-write_metrics(
-    snakemake.output[0], compare_representations(garments, [Flat()], split="test", seed=0)
-)
-"""
-TOY_EVALUATION = """
-from drapeline.metrics.metric import Measured
-from drapeline.metrics.table import summarise, write_metrics
-from drapeline.models.toy.model import MODEL
+def evaluate(job):
+    size = Toy(job.input.model).size
+    measured = [Measured("s00001", "Skirt", {"surface_error_mm": 12.5, "size": size})]
+    rows = summarise(measured, model="toy", variant="toy", split="test", seed=0)
+    write_evaluation(job.output[0], rows)
 
-measured = [Measured("s00001", "Skirt", {"surface_error_mm": 12.5})]
-rows = summarise(measured, model=MODEL, variant=MODEL, split="test", seed=0)
-write_metrics(snakemake.output[0], rows)
-"""
+
+def compare(job):
+    mesh = Mesh(np.float32([[0, 0, 0.01], [1, 0, 0.01], [0, 1, 0.01]]), np.int32([[0, 1, 2]]))
+    garments = [HeldOutGarment(0, "s00001", "Skirt", mesh)]
+    rows = compare_representations(garments, [Flat()], split="test", seed=0)
+    write_evaluation(job.output[0], rows)
+
+
+def show(job):
+    Path(job.output.page).write_text(Path(job.input.metrics).read_text())
+""",
+}
 
 TOY_SOLVER = """
 from drapeline.simulation.solver import Attempt
@@ -182,30 +171,14 @@ def write_schema(project):
     )
 
 
-def add_toy_model(project):
-    """A model in the places that a model may touch."""
-    append(project / "src/drapeline/models/toy/__init__.py", "")
-    append(project / "src/drapeline/models/toy/settings.py", TOY_SETTINGS)
-    settings = project / "src/drapeline/experiment/settings.py"
-    known = "from drapeline.models.smplicit.settings import SmplicitSettings\n"
-    replace(settings, known, known + "from drapeline.models.toy.settings import ToySettings\n")
-    known = '    "smplicit": SmplicitSettings,\n'
-    replace(settings, known, known + '    "toy": ToySettings,\n')
-    write_schema(project)
-    append(project / "src/drapeline/models/toy/model.py", TOY_MODEL)
-    append(project / "workflow/rules/toy.smk", TOY_RULES)
-    append(project / "scripts/evaluate_toy.py", TOY_EVALUATION)
-    append(project / "scripts/compare_toy.py", TOY_COMPARISON)
-    append(project / "scripts/train_toy.py", "from drapeline.models.toy import model\n")
-    append(project / "scripts/tabulate_toy.py", "from drapeline.report.models.toy import page\n")
-    append(project / "src/drapeline/report/models/toy/__init__.py", "")
-    append(project / "src/drapeline/report/models/toy/page.py", "TITLE = 'Toy'\n")
-    append(project / "workflow/report/toy.rst", "A toy.\n")
-    snakefile = project / "Snakefile"
-    last = 'include: "workflow/rules/garment4d.smk"\n'
-    text = snakefile.read_text()
-    assert last in text
-    snakefile.write_text(text.replace(last, last + 'include: "workflow/rules/toy.smk"\n'))
+def install_stranger(project):
+    """What pip does with a package that names its model as an entry point."""
+    for name, text in {"__init__.py": "", **STRANGER}.items():
+        append(project / "src/stranger" / name, text)
+    installed = project / "src/stranger-1.0.dist-info"
+    append(installed / "METADATA", "Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n")
+    entry = "[drapeline.models]\ntoy = stranger.plan:MODEL\n"
+    append(installed / "entry_points.txt", entry)
 
 
 def replace(path, old, new):
@@ -340,7 +313,6 @@ def in_place(path, place):
 ADDITIONS = {
     "A new cloth solver": (add_toy_solver, {"room": "toy_cloth"}),
     "A new garment type": (add_toy_garment_type, {}),
-    "A new model": (add_toy_model, {"model": "toy"}),
 }
 
 
@@ -360,7 +332,7 @@ def test_an_addition_touches_the_places_listed_and_no_others(tmp_path, title):
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory):
     folder = copy_project(tmp_path_factory.mktemp("extended"))
-    add_toy_model(folder)
+    install_stranger(folder)
     add_toy_solver(folder)
     return folder
 
@@ -377,78 +349,56 @@ def inputs(extended):
     return found
 
 
-def test_a_models_own_files_and_one_line_plan_it_with_all_the_rest(inputs):
-    assert {"train_toy", "evaluate_toy", "tabulate_toy"} <= set(inputs)
-    assert "results/tiny/metrics/toy.tsv" in inputs["collect_metrics"]
+def test_a_model_of_another_package_is_planned_with_all_the_rest(inputs):
+    assert {"show_toy", "train", "evaluate"} <= set(inputs)
+    assert "results/tiny/toy/evaluated/toy" in inputs["collect_metrics"]
     # Times are taken of every step.
-    assert "results/tiny/report/toy_metrics.html" in inputs["plot_time"]
+    assert "results/tiny/report/toy.html" in inputs["plot_time"]
 
 
-def test_a_models_metrics_come_into_the_table(extended, inputs):
-    """Really evaluated and collected, beside empty tables of the other models."""
+def test_a_model_of_another_package_is_trained_evaluated_and_shown(extended, inputs):
+    """Beside empty tables of the other models."""
     results = extended / "results/tiny"
     for name in inputs["collect_metrics"]:
-        if not name.endswith("toy.tsv"):
-            write_metrics(extended / name, metric_table([]))
-    for name in ("gcvae", "garment4d"):
-        write_metrics(results / f"metrics/representations_{name}.tsv", metric_table([]))
-    for name in ("toy/model", "static/data"):
-        (results / name).mkdir(parents=True)
+        if "/toy/" not in name:
+            write_metrics(extended / name / "metrics.tsv", metric_table([]))
+    (results / "static").mkdir(parents=True)
+    (extended / "mine.yaml").write_text("toy: {size: 5}\n")
     run = snakemake(
         extended,
-        *("--allowed-rules", "evaluate_toy", "compare_toy", "collect_metrics"),
-        *("tabulate_representations", "--configfile", CONFIG),
-        *("--", "results/tiny/metrics.tsv", "results/tiny/report/representations.html"),
+        *("--allowed-rules", "train", "evaluate", "collect_metrics", "tabulate_representations"),
+        *("show_toy", "toy_model", "--configfile", CONFIG, "mine.yaml", "--"),
+        *("results/tiny/report/toy.html", "results/tiny/report/representations.html", "toy_model"),
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    rows = read_metrics(results / "metrics.tsv").itertuples()
-    found = {(row.model, row.variant): row for row in rows}
-    assert found["toy", "toy"].value == 12.5
-    assert set(found) == {("toy", "toy"), ("representation", "toy_flat")}
+    rows = read_metrics(results / "metrics.tsv")
+    found = {(row.model, row.variant, row.metric): row.value for row in rows.itertuples()}
+    assert found["toy", "toy", "surface_error_mm"] == 12.5
+    assert found["toy", "toy", "size"] == 5
+    assert {key[:2] for key in found} == {("toy", "toy"), ("representation", "toy_flat")}
     assert "toy_flat" in (results / "report/representations.html").read_text()
+    assert "12.5" in (results / "report/toy.html").read_text()
 
 
-def obstacles_of_toy_model(project):
-    """What would stop the toy model, as far as files tell without a run."""
-    included = re.findall(r'^include: "(.*)"', (project / "Snakefile").read_text(), re.MULTILINE)
-    file = project / "workflow/rules/toy.smk"
-    if not file.is_file() or "workflow/rules/toy.smk" not in included:
-        yield f"{file} is not there or not included"
-        return
-    rules = file.read_text()
-    if "toy" not in (project / "src/drapeline/experiment/settings.py").read_text():
-        yield "`make docs` would take its block out of the schema"
-    schema = yaml.safe_load((project / "workflow/schemas/config.schema.yaml").read_text())
-    for path in re.findall(r'dpath="(\w+)/', rules):
-        if path not in schema["properties"]:
-            yield f"{path} is not a setting"
-    for name in re.findall(r'"(\.\./.*\.(?:py|rst))"', rules):
-        path = file.parent / name
-        if not path.is_file():
-            yield f"{path} is not there"
-        elif path.suffix == ".py":
-            for module in imported_modules(path.read_text()):
-                source = project / "src" / module.replace(".", "/")
-                files = (source / "__init__.py", source.with_suffix(".py"))
-                if module.startswith("drapeline") and not any(f.is_file() for f in files):
-                    yield f"{path.name} imports {module}"
+def test_a_setting_of_another_packages_model_is_checked(extended):
+    (extended / "mine.yaml").write_text("toy: {size: 0}\n")
+    run = snakemake(extended, "--dry-run", "--configfile", CONFIG, "mine.yaml")
+    assert "toy.size is 0, expected an integer of at least 1" in run.stdout + run.stderr
 
 
-def test_a_model_needs_each_of_the_places_listed(tmp_path):
-    project = copy_project(tmp_path)
-    touched = touched_files(project, add_toy_model)
-    assert not list(obstacles_of_toy_model(project))
-    for place in filter(is_run, listed_places("A new model", model="toy")):
-        own = [path for path in touched if in_place(path, place)]
-        for path in own:
-            before, _ = touched[path]
-            if before is None:
-                (project / path).unlink()
-            else:
-                (project / path).write_bytes(before)
-        assert list(obstacles_of_toy_model(project)), f"{place} is not needed"
-        for path in own:
-            (project / path).write_bytes(touched[path][1])
+def test_all_code_of_another_package_counts_for_its_tasks(extended, monkeypatch):
+    monkeypatch.syspath_prepend(extended / "src")
+    script = ROOT / "scripts/run_job.py"
+
+    def digest():
+        return Sources(ROOT / "src").digest(script, "stranger.train:train")
+
+    before, file = digest(), extended / "src/stranger/evaluate.py"
+    text = file.read_text()
+    file.write_text(text.replace("12.5", "13.5"))
+    assert digest() != before
+    file.write_text(text)
+    assert digest() == before
 
 
 def test_a_new_model_makes_no_other_rule_run_again(extended):

@@ -14,7 +14,9 @@ import pytest
 import yaml
 
 from drapeline.experiment.source_digest import Sources
+from drapeline.models.registry import models
 from toys.cloth_solvers import cloth_solvers
+from toys.plans import files_of, tasks_of
 from toys.snakemake_run import ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
@@ -24,33 +26,44 @@ PROFILES = [
     *sorted((ROOT / "workflow/profiles").glob("*/config.yaml")),
 ]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
-# Told of the solver that the config names.
-SIMULATE = {"simulate_outfits", "write_samples"}
 SOLVER = cloth_solvers()["xpbd"][0]
-# What garments are simulated in, beside samples.
-HANG = {
-    *("evaluate_images", "evaluate_scans_smplicit", "fit_own_scans", "fit_picture"),
-    "pose_smplicit_garment",
+# Scripts that are told of the solver that the config names.
+SIMULATE = {"simulate_outfits", "write_samples"}
+HANG = {"fit_own_scans", "fit_picture"}
+PLANS = {name: model.plan(files_of(ROOT / CONFIG)) for name, model in models().items()}
+TASKS = {
+    f"{name}/{folder}": task
+    for name, plan in PLANS.items()
+    for folder, task in tasks_of(plan).items()
 }
-# Function, method or constant -> the scripts that run it.
+# Whose garments hang, or are simulated.
+SIMULATED = {name for name, task in TASKS.items() if SOLVER in task.modules}
+EVALUATED = {name for name in TASKS if name.startswith("gcvae/evaluated/")}
+TRAINED = {
+    "gcvae": {name for name in TASKS if name.startswith(("gcvae/svae", "gcvae/dvae"))},
+    "garment4d": {
+        name
+        for name, task in TASKS.items()
+        if task.run == "drapeline.models.garment4d.train:train_posed"
+    },
+}
+# Function, method or constant -> the scripts and tasks that run it.
 CASES = {
     "drapeline.bodies.model:free_body": {"copy_body"},
     "drapeline.motions.retarget:retarget": {"import_motion"},
-    "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | {"make_outfits"},
-    "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG,
+    "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | SIMULATED | {"make_outfits"},
+    "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG | SIMULATED,
     "drapeline.dataset.card:dataset_card": {"collect_dataset"},
     "drapeline.registration.to_body.nicp:lay_on": {
         *("plot_registration", "register_samples", "register_outfits")
     },
     # How networks are trained is nothing to those who use them.
-    "drapeline.models.garment4d.losses:posed_loss": {"train_garment4d_posed"},
-    "drapeline.models.gcvae.vae:prepare": {"train_svae", "train_dvae"},
+    "drapeline.models.garment4d.losses:posed_loss": TRAINED["garment4d"],
+    "drapeline.models.gcvae.vae:prepare": TRAINED["gcvae"],
     "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
     # Much imports this module, and a few call this.
-    "drapeline.metrics.garment:normal_error_deg": {
-        *("evaluate_baselines", "evaluate_dynamic", "evaluate_dynamic_baselines"),
-        "evaluate_static",
-    },
+    "drapeline.metrics.garment:normal_error_deg": EVALUATED
+    - {"gcvae/evaluated/representations", "gcvae/evaluated/scans"},
 }
 
 
@@ -68,12 +81,14 @@ def changed_text(where: str) -> tuple[Path, str]:
 
 
 def digests(source: Path, memory: Path) -> dict[str, str]:
-    """Digest of each script."""
+    """Digest of each script, and of each task of a model."""
     sources = Sources(source, memory)
     found = {
         script.stem: sources.digest(script, *([SOLVER] if script.stem in SIMULATE | HANG else []))
         for script in SCRIPTS
     }
+    for name, task in TASKS.items():
+        found[name] = sources.digest(ROOT / "scripts/run_job.py", task.run, *task.modules)
     sources.remember()
     return found
 
@@ -87,7 +102,7 @@ def copy(tmp_path_factory):
 
 
 @pytest.mark.parametrize("where", CASES)
-def test_a_change_reaches_exactly_the_scripts_that_run_it(copy, where):
+def test_a_change_reaches_exactly_what_runs_it(copy, where):
     source, before, memory = copy
     name, text = changed_text(where)
     path = source / "drapeline" / name
@@ -95,7 +110,7 @@ def test_a_change_reaches_exactly_the_scripts_that_run_it(copy, where):
     path.write_text(text)
     after = digests(source, memory)
     path.write_text(original)
-    assert {script for script in after if after[script] != before[script]} == CASES[where]
+    assert {name for name in after if after[name] != before[name]} == CASES[where]
 
 
 @pytest.fixture(scope="module")
@@ -176,11 +191,12 @@ def test_all_profiles_rerun_by_digests_of_the_code_and_not_by_times_of_scripts(p
 
 def test_every_rule_that_makes_something_has_a_digest_of_its_code():
     text = "\n".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
-    for block in re.split(r"^(?=rule \w+:$)", text, flags=re.MULTILINE)[1:]:
+    for block in re.split(r"^(?= *rule(?: \w+)?:$)", text, flags=re.MULTILINE)[1:]:
         script = re.search(r'"../../scripts/(\w+)\.py"', block)
         if script and "    output:" in block:
             named = re.search(rf'code=(source|solver)_hash\(\s*"{script[1]}"', block)
-            assert named or "code=outfits_hash" in block, block.split(":")[0]
+            others = ("code=outfits_hash", "code=task_code", "code=task_digest(figure.task)")
+            assert named or any(code in block for code in others), block.split(":")[0]
 
 
 def test_what_follows_a_change_leaves_other_work_alone(planned):
@@ -189,7 +205,7 @@ def test_what_follows_a_change_leaves_other_work_alone(planned):
     changed = {rule for rule, reason in jobs.items() if "Params have changed" in reason}
     assert changed
     assert all("Input files updated" in jobs[rule] for rule in jobs.keys() - changed)
-    assert jobs.keys().isdisjoint({"train_svae", "train_garment4d_posed", "simulate_outfits"})
+    assert jobs.keys().isdisjoint({"collect_data", "simulate_outfits"})
 
 
 def test_a_page_of_the_report_is_made_alone(planned):

@@ -25,6 +25,7 @@ from drapeline.experiment.groups import plan_groups
 from drapeline.experiment.old_keys import refuse_old_keys
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
+from drapeline.models.registry import models
 from drapeline.motions.table import FrameCounts
 from drapeline.preflight import find_slurm_problem, slurm_config
 from drapeline.storage import sweep
@@ -32,17 +33,16 @@ from drapeline.storage import sweep
 CONFIG_FILES = " + ".join(map(os.path.relpath, workflow.configfiles)) or "config"
 try:
     refuse_old_keys(config, CONFIG_FILES)
-    config.update(
-        fill_settings(
-            config,
-            yaml.load(
-                (ROOT / "workflow/schemas/config.schema.yaml").read_text(),
-                # Every command reads it, and in pure Python that takes most of a second.
-                getattr(yaml, "CSafeLoader", yaml.SafeLoader),
-            ),
-            CONFIG_FILES,
-        )
+    # Every command reads it, and in pure Python that takes most of a second.
+    SCHEMA = yaml.load(
+        (ROOT / "workflow/schemas/config.schema.yaml").read_text(),
+        getattr(yaml, "CSafeLoader", yaml.SafeLoader),
     )
+    MODELS = models()
+    for name in MODELS.keys() - SCHEMA["properties"].keys():  # of other packages
+        block = MODELS[name].settings.schema_of_config()
+        SCHEMA["properties"][name] = {**block, "default": {}}
+    config.update(fill_settings(config, SCHEMA, CONFIG_FILES))
     refuse_contradictions(config)
     FRAME_COUNTS = FrameCounts(".snakemake/drapeline/frames.json")
     GROUPS = plan_groups(
@@ -61,17 +61,10 @@ BENCHMARKS = f"{RESULTS}/benchmarks"
 # A cluster's job has its own machine to count cores on, and must find the threads it asked for.
 _CORES = None if workflow.remote_exec else workflow.resource_settings.cores
 NETWORK_THREADS = min(max((_CORES or 8) // 2, 1), 8)
-# Everything waits for samples, and Garment4D has the longest chain after them; whatever is left
-# fills the cores at the end.
+# Everything waits for samples; whatever is left fills the cores at the end.
 SAMPLES_FIRST, LONG_CHAIN = 2, 1
-# Only rules that evaluate read these, none that trains.
-EVALUATED_SPLITS = ["test"]
-# Rules files add to these two: what `all` makes, and which files of metrics each table holds, in
-# this order.
+# What `all` makes; rules files add to it.
 DEFAULT_TARGETS = []
-METRIC_TABLES = {"metrics": [], "representations": [], "scans": []}
-# Garment types that every model learns, on which they are compared.
-COMPARED_GARMENTS = config["garment4d"]["garments"]
 
 
 wildcard_constraints:
@@ -116,15 +109,3 @@ def gender_body(wildcards):
 
 def baked_body(wildcards):
     return f"resources/body/{wildcards.gender.lower()}.npz"
-
-
-def in_progress(stage):
-    """Params function: where a training keeps its state, which outlives the job."""
-    return lambda wildcards, output: str(
-        Path(output[0]).parent / ".progress" / f"{stage}_{Path(output[0]).name}"
-    )
-
-
-def metric_files(wildcards):
-    """Metrics of every model of a table."""
-    return [f"{RESULTS}/metrics/{name}.tsv" for name in METRIC_TABLES[wildcards.table]]

@@ -1,12 +1,11 @@
-METRIC_TABLES["metrics"] += METRIC_TABLES["representations"] + METRIC_TABLES["scans"]
 DEFAULT_TARGETS += [f"{RESULTS}/metrics.tsv", f"{RESULTS}/report/representations.html"]
-if SCAN_FILES:
+if FILES.scanned:
     DEFAULT_TARGETS += [f"{RESULTS}/report/scans.html", f"{RESULTS}/report/scans.png"]
 
 
 rule collect_metrics:
     input:
-        metric_files,
+        table_evaluations,
     output:
         f"{RESULTS}/{{table}}.tsv",
     log:
@@ -81,11 +80,8 @@ rule tabulate_scans:
 
 rule plot_scans:
     input:
-        scans=SCAN_FILES,
-        fits=[
-            f"{RESULTS}/{table.removeprefix('scans_')}/fitted_scans.npz"
-            for table in METRIC_TABLES["scans"]
-        ],
+        scans=FILES.known_scans["scans"],
+        evaluated=METRIC_TABLES.get("scans", []),
     output:
         report(
             f"{RESULTS}/report/scans.png",

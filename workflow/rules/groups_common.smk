@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import NamedTuple
 
 from drapeline.dataset.record import outfit_text, read_meta
-from drapeline.experiment.checks import require_splits
+from drapeline.experiment.files import ExperimentFiles
 from drapeline.outfits.settings import own_garments
 
 
@@ -31,19 +31,10 @@ CLOTH_SOLVERS = {
 # Where cloth only hangs on somebody who stands still, nobody chooses.
 QUICK_SOLVER = min(CLOTH_SOLVERS.values(), key=lambda solver: solver.sample_s)
 
-MOVING = [group for group in GROUPS.values() if not group.at_rest]
-RESTING = [group for group in GROUPS.values() if group.at_rest]
-PUBLISHED = [group for group in MOVING if group.published]
-# By the samples' ids.
-MOVING_PLANS = {plan.sample: plan for group in MOVING for plan in group.plans}
-RESTING_PLANS = {plan.sample: plan for group in RESTING for plan in group.plans}
-# Group and shard of every sample in motion.
-PLACES = {
-    plan.sample: {"group": group.name, "shard": shard}
-    for group in MOVING
-    for shard, plans in group.shards.items()
-    for plan in plans
-}
+FILES = ExperimentFiles(config, GROUPS, WHOLE_BODIES, QUICK_SOLVER.code)
+MOVING, RESTING, PUBLISHED = FILES.moving, FILES.resting, FILES.published
+SAMPLE, OUTFITS, REGISTRATION = FILES.samples, FILES.outfits, FILES.registrations
+per_shard, shards_of = FILES.per_shard, FILES.shards_of
 # Every clip, at the length that cyclic ones are repeated to: a group may want another.
 MOTIONS = {
     (name, str(clip.loop_frames or "whole")): clip
@@ -62,7 +53,7 @@ wildcard_constraints:
     shard=one_of(
         [shard for group in GROUPS.values() for shard in group.shards], r"\w*\d"
     ),
-    sample=one_of(MOVING_PLANS, r"\w*\d"),
+    sample=one_of(FILES.moving_plans, r"\w*\d"),
     sequence=one_of(dict.fromkeys(name for name, _ in MOTIONS), r"[^/]+"),
     length=r"whole|\d+",
 
@@ -72,50 +63,9 @@ def group_names(groups):
     return "|".join(group.name for group in groups) or "(?!)"
 
 
-def per_shard(pattern, groups):
-    """What the pattern, which has `{group}` and `{shard}`, stands for in all shards of groups."""
-    return [
-        pattern.format(group=group.name, shard=shard)
-        for group in groups
-        for shard in group.shards
-    ]
-
-
-# What every model reads. Samples are folders of CLOTH3D folders, as `samples_of` reads them.
-SAMPLE = f"{RESULTS}/samples/{{group}}/{{shard}}"
-OUTFITS = f"{RESULTS}/outfits/{{group}}/{{shard}}"
-REGISTRATION = f"{RESULTS}/registration/{{group}}/{{shard}}"
-ALL_SAMPLES = per_shard(SAMPLE, MOVING)
-ALL_OUTFITS_AT_REST = per_shard(OUTFITS, RESTING)
-SAMPLES_WITH_REGISTRATIONS = {
-    "samples": ALL_SAMPLES,
-    "registrations": per_shard(REGISTRATION, MOVING),
-}
-
-
-def first_of_split(count, split, wanted=None):
-    """The first samples of a split in each group, in turn over its clips like all of them.
-
-    Args:
-        count: of each group, at most.
-        split: "train", "val" or "test".
-        wanted: whether a plan will do; None takes all.
-    """
-    found = []
-    for group in MOVING:
-        own = filter(wanted, [plan for plan in group.plans if plan.split == split])
-        found += [plan.sample for plan in own][:count]
-    return found
-
-
-def shards_of(pattern, samples):
-    """What the pattern stands for in the shards that have these samples."""
-    return list(dict.fromkeys(pattern.format(**PLACES[sample]) for sample in samples))
-
-
 def sample_shard(wildcards):
     """Input function: the shard with a sample."""
-    return SAMPLE.format(**PLACES[wildcards.sample])
+    return SAMPLE.format(**FILES.places[wildcards.sample])
 
 
 def plans_of(wildcards):
@@ -178,32 +128,8 @@ def group_settings(part, *keys):
     return chosen
 
 
-def splits_of_groups(groups):
-    """The shares that the splits of some groups were made from, for messages."""
-    return {
-        group.name: {
-            key: config["groups"][group.name][key]
-            for key in ("val_share", "test_share")
-        }
-        for group in groups
-    }
-
-
-def static_data(*splits):
-    """Input function: garments at rest, once the plan is known to fill these splits."""
-
-    def checked(wildcards):
-        planned = [plan.split for plan in RESTING_PLANS.values()]
-        require_splits(planned, splits, groups=splits_of_groups(RESTING))
-        return f"{RESULTS}/static"
-
-    return checked
-
-
 # What lets outfits hang.
 HANGING_MODULES = ["drapeline.generation.hung_outfits", QUICK_SOLVER.code]
-# Held-out samples whose scans all models are fitted to.
-SCANNED = first_of_split(config["scans"]["count"], EVALUATED_SPLITS[0])
 
 
 def clip_entry(wildcards):
@@ -310,4 +236,4 @@ def group_samples(wildcards):
 
 def scanned_of_shard(wildcards):
     """Params function: the samples of a shard that are scanned."""
-    return [sample for sample in shard_ids(wildcards) if sample in SCANNED]
+    return [sample for sample in shard_ids(wildcards) if sample in FILES.scanned]

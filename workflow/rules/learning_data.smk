@@ -4,10 +4,10 @@ wildcard_constraints:
 
 rule collect_static:
     input:
-        **SUPER_BODIES,
+        **FILES.super_bodies,
         registrations=per_shard(REGISTRATION, RESTING),
     output:
-        directory(f"{RESULTS}/static"),
+        directory(FILES.static),
     log:
         f"{LOGS}/collect_static.log",
     benchmark:
@@ -16,8 +16,8 @@ rule collect_static:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=memory(300 * STATIC_SIZE),
-        runtime=minutes(2 * STATIC_SIZE),
+        mem_mb=memory(300 * FILES.static_size),
+        runtime=minutes(2 * FILES.static_size),
     params:
         code=source_hash("collect_static"),
     script:
@@ -26,10 +26,10 @@ rule collect_static:
 
 rule collect_dynamic:
     input:
-        **SUPER_BODIES,
-        **SAMPLES_WITH_REGISTRATIONS,
+        **FILES.super_bodies,
+        **FILES.registered_samples,
     output:
-        directory(f"{RESULTS}/dynamic/{{version}}"),
+        directory(FILES.dynamic("{version}")),
     log:
         f"{LOGS}/collect_dynamic/{{version}}.log",
     benchmark:
@@ -38,8 +38,8 @@ rule collect_dynamic:
         "../../envs/train.yaml"
     threads: 1
     resources:
-        mem_mb=memory(600 + 50 * MOVING_SIZE),
-        runtime=minutes(6 * MOVING_SIZE),
+        mem_mb=memory(600 + 50 * FILES.moving_size),
+        runtime=minutes(6 * FILES.moving_size),
     params:
         frame_step=lookup(dpath="gcvae/dvae/frame_step", within=config),
         code=source_hash("collect_dynamic"),

@@ -1,5 +1,3 @@
-SUPER_BODIES = {gender: f"{RESULTS}/super_body/{gender}.npz" for gender in GENDERS}
-TOPOLOGY = f"{RESULTS}/super_body/topology.npz"
 DEFAULT_TARGETS += expand(
     f"{RESULTS}/report/{{name}}",
     name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
@@ -10,8 +8,8 @@ rule build_super_body:
     input:
         **WHOLE_BODIES,
     output:
-        **SUPER_BODIES,
-        topology=TOPOLOGY,
+        **FILES.super_bodies,
+        topology=FILES.topology,
     log:
         f"{LOGS}/build_super_body.log",
     benchmark:
@@ -31,9 +29,9 @@ rule build_super_body:
 
 rule build_hierarchy:
     input:
-        topology=TOPOLOGY,
+        topology=FILES.topology,
     output:
-        f"{RESULTS}/super_body/hierarchy_{{pooling}}.npz",
+        FILES.hierarchy("{pooling}"),
     log:
         f"{LOGS}/build_hierarchy/{{pooling}}.log",
     benchmark:
@@ -54,9 +52,9 @@ rule build_hierarchy:
 
 rule plot_hierarchy:
     input:
-        topology=TOPOLOGY,
-        segments=f"{RESULTS}/super_body/hierarchy_segments.npz",
-        uniform=f"{RESULTS}/super_body/hierarchy_uniform.npz",
+        topology=FILES.topology,
+        segments=FILES.hierarchy("segments"),
+        uniform=FILES.hierarchy("uniform"),
     output:
         topologies=report(
             f"{RESULTS}/report/topologies.png",
@@ -89,9 +87,9 @@ rule plot_hierarchy:
 
 rule register_outfits:
     input:
-        **SUPER_BODIES,
+        **FILES.super_bodies,
         outfits=OUTFITS,
-        topology=TOPOLOGY,
+        topology=FILES.topology,
     output:
         directory(REGISTRATION),
     log:
@@ -114,9 +112,9 @@ rule register_outfits:
 
 rule register_samples:
     input:
-        **SUPER_BODIES,
+        **FILES.super_bodies,
         samples=SAMPLE,
-        topology=TOPOLOGY,
+        topology=FILES.topology,
     output:
         directory(REGISTRATION),
     log:
@@ -167,9 +165,9 @@ rule tabulate_registration:
 
 rule plot_registration:
     input:
-        **SUPER_BODIES,
-        outfits=ALL_OUTFITS_AT_REST,
-        topology=TOPOLOGY,
+        **FILES.super_bodies,
+        outfits=FILES.outfits_at_rest,
+        topology=FILES.topology,
     output:
         report(
             f"{RESULTS}/report/registration.png",

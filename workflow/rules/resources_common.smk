@@ -2,10 +2,6 @@
 # core, which these factors carry over to other sizes.
 from drapeline.experiment.resources import asked_mb, asked_minutes, cloth_factor
 
-STATIC_SIZE = len(RESTING_PLANS) / 400
-MOVING_FRAMES = sum(plan.frames for plan in MOVING_PLANS.values())
-MOVING_SIZE = MOVING_FRAMES / (176 * 60)
-
 
 def minutes(seconds):
     """Resources function: minutes to ask for where so many seconds are expected."""
@@ -89,47 +85,3 @@ def outfit_minutes(wildcards, attempt):
     frames = GROUPS[wildcards.group].outfits["hang_frames"] if hangs(wildcards) else 0
     seconds = (0.4 + 0.1 * frames) * len(plans_of(wildcards)) * cloth_of(wildcards)
     return asked_minutes(seconds, attempt)
-
-
-def gpus(model):
-    """GPUs that a training asks for: none unless the config insists on them."""
-    trainer = config[model]["trainer"]
-    if trainer["accelerator"] != "gpu":
-        return 0
-    return trainer["devices"] if trainer["devices"] not in ("auto", -1) else 1
-
-
-def vae_seconds(model):
-    """Seconds of a training of the svae or the dvae."""
-    chosen = config["gcvae"][model]
-    garments = (
-        len(RESTING_PLANS) if model == "svae" else MOVING_FRAMES / chosen["frame_step"]
-    )
-    width = chosen["network"]["widths"][0] / 8
-    return 0.025 * chosen["training"]["epochs"] * garments * width
-
-
-def garment4d_seconds(stage):
-    """Seconds of a training of one type's canonical or posed stage."""
-    chosen = config["garment4d"][stage]
-    points = config["garment4d"]["clouds"]["points"] / 1024
-    rate_s = {"canonical": 0.0046, "posed": 0.033}[stage]
-    frames = chosen["training"]["frames"] / chosen["training"]["stride"]
-    return rate_s * chosen["training"]["epochs"] * MOVING_FRAMES * frames * points
-
-
-def batch_mb(model, network):
-    """Megabytes of a training: its batch, beside the libraries."""
-    chosen = config[model][network]
-    batch = chosen["training"]["batch"]
-    if model == "gcvae":
-        return 500 + 60 * batch * chosen["network"]["widths"][0] / 8
-    points = config["garment4d"]["clouds"]["points"] / 1024
-    # Linear as far as it was measured; what is larger belongs on a GPU.
-    return min(400 + 160 * batch * chosen["training"]["frames"] * points, 40_000)
-
-
-def smplicit_seconds():
-    """Seconds of a training of one of SMPLicit's models."""
-    training = config["smplicit"]["training"]
-    return 0.004 * training["epochs"] * training["visits"] * len(RESTING_PLANS)

@@ -1,15 +1,10 @@
-SCAN_FILES = shards_of(f"{RESULTS}/scans/{{group}}/{{shard}}.npz", SCANNED)
-# Inputs of the rules that fit models to scans, with the truth.
-KNOWN_SCANS = {"scans": SCAN_FILES, "samples": shards_of(SAMPLE, SCANNED)}
-
-
 rule scan_samples:
     # Segmented scans of some frames, and the bodies that fit them, for all models alike.
     input:
         **WHOLE_BODIES,
         samples=SAMPLE,
     output:
-        f"{RESULTS}/scans/{{group}}/{{shard}}.npz",
+        FILES.scans,
     log:
         f"{LOGS}/scan_samples/{{group}}_{{shard}}.log",
     benchmark:

@@ -1,53 +1,8 @@
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
+from drapeline.models.smplicit.plan import SmplicitFiles
 
-SMPLICIT = f"{RESULTS}/smplicit"
-SMPLICIT_MODELS = config["smplicit"]["models"]
-FIELDS = f"{SMPLICIT}/fields/{{group}}/{{shard}}.npz"
-GALLERY = config["smplicit"]["gallery"]
-# How the cloth solver lets decoded garments hang on people.
-HANGING = {
-    "edge_length_m": config["outfits"]["edge_length_m"],
-    "simulation": config["simulation"]["settings"],
-}
-METRIC_TABLES["metrics"] += [f"smplicit_{model}" for model in SMPLICIT_MODELS]
-# Types on which all models are compared, as far as a model here has learned them.
-SMPLICIT_COMPARED = [
-    garment
-    for garment in COMPARED_GARMENTS
-    if MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS
-]
-if SMPLICIT_COMPARED:
-    METRIC_TABLES["representations"] += ["representations_smplicit"]
-
-
-def wears_known_garment(planned):
-    """Whether a planned sample wears a garment that a model here learns."""
-    garments = planned.outfit_type.split("+")
-    return any(MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS for garment in garments)
-
-
-# Held-out samples whose garments are looked for in pictures of them: some of each group, but of
-# those that are published any.
-PICTURED = [
-    plan.sample
-    for group in PUBLISHED
-    for plan in group.plans
-    if plan.split == EVALUATED_SPLITS[0] and wears_known_garment(plan)
-]
-PICTURED_OTHERS = [
-    sample
-    for sample in first_of_split(
-        config["smplicit"]["evaluate_images"]["others"],
-        EVALUATED_SPLITS[0],
-        wears_known_garment,
-    )
-    if not GROUPS[PLACES[sample]["group"]].published
-]
-if PICTURED or PICTURED_OTHERS:
-    METRIC_TABLES["metrics"] += ["smplicit_images"]
-if SCAN_FILES:
-    METRIC_TABLES["scans"] += ["scans_smplicit"]
+SMPLICIT = SmplicitFiles(FILES)
 SEGMENTED = config["smplicit"]["scans"]
 try:
     # The user's own, by name.
@@ -65,49 +20,7 @@ FIELD_BOXES = {
 
 
 wildcard_constraints:
-    field="|".join(FIELD_MODELS),
     picture="|".join(map(re.escape, PICTURES)) or "no picture",
-
-
-def field_garments(wildcards):
-    """Params function: the garment types of a model."""
-    return FIELD_MODELS[wildcards.field].garments
-
-
-def field_shards(wildcards):
-    """Input function: fields of all outfits, once the plan is known to fill the splits."""
-    static_data("train", "val")(wildcards)
-    return per_shard(FIELDS, RESTING)
-
-
-def field_settings(wildcards):
-    """Params function: settings of a training, by group."""
-    chosen = {key: config["smplicit"][key] for key in ("network", "loss", "training")}
-    space = chosen["training"]["space"] * FIELD_MODELS[wildcards.field].space_share
-    chosen["training"] = {**chosen["training"], "space": space, "seed": config["seed"]}
-    return chosen
-
-
-def encoder_weights(wildcards):
-    """Input function: the file that the image encoder starts from, if there is one."""
-    return config["smplicit"]["network"]["encoder_weights"] or []
-
-
-def gallery_sample(wildcards):
-    """Params function: the sample whose motion garments are put on."""
-    sample = GALLERY["sample"] or next(iter(MOVING_PLANS), None)
-    if sample not in MOVING_PLANS:
-        raise WorkflowError(
-            f"smplicit.gallery.sample: '{sample}', expected one of the samples, such as"
-            f" {next(iter(MOVING_PLANS), None)}"
-        )
-    return sample
-
-
-def gallery_body(wildcards):
-    """Input function: the shard with its body in motion."""
-    place = PLACES[gallery_sample(wildcards)]
-    return f"{RESULTS}/bodies/{{group}}/{{shard}}".format(**place)
 
 
 def own_picture(wildcards):
@@ -126,9 +39,9 @@ def own_pictures(wildcards):
             "smplicit.images is empty, expected a .json for each of your pictures, or folders of"
             " them"
         )
+    images = f"{SMPLICIT.folder}/images"
     return expand(
-        [f"{SMPLICIT}/images/{{picture}}", f"{SMPLICIT}/images/{{picture}}.png"],
-        picture=PICTURES,
+        [f"{images}/{{picture}}", f"{images}/{{picture}}.png"], picture=PICTURES
     )
 
 
@@ -146,10 +59,10 @@ def segmented_scans(wildcards):
 def scan_models(wildcards):
     """Input function: the models of the garments in the user's scans."""
     wanted = {MODEL_OF_GARMENT[garment] for garment in SEGMENTED["garments"]}
-    missing = sorted(wanted - set(SMPLICIT_MODELS))
+    missing = sorted(wanted - set(SMPLICIT.names))
     if missing or not wanted:
         raise WorkflowError(
             f"smplicit.scans.garments is {SEGMENTED['garments']}, expected garments of the models"
-            f" in smplicit.models: {', '.join(SMPLICIT_MODELS)}"
+            f" in smplicit.models: {', '.join(SMPLICIT.names)}"
         )
-    return expand(f"{SMPLICIT}/{{field}}", field=sorted(wanted))
+    return [f"{SMPLICIT.folder}/{name}" for name in sorted(wanted)]

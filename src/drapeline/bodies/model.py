@@ -1,5 +1,6 @@
 """SMPL-format bodies: the model, and its posed vertices."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from drapeline.bodies.kinematics import (
     skin_planes,
 )
 from drapeline.bodies.smpl_files import read_body_arrays
-from drapeline.frames import PARENTS
+from drapeline.frames import GENDERS, PARENTS
 from drapeline.storage import save_npz
 
 # Of the free bodies; raised whenever they are baked anew, which makes everything anew.
@@ -79,6 +80,11 @@ def load_body(path: str | Path) -> BodyModel:
         segmentation=a["segmentation"],
         name=str(a["name"]),
     )
+
+
+def load_bodies(files: Mapping[str, str | Path]) -> dict[str, BodyModel]:
+    """The bodies of both genders from their files, which are found by gender among others."""
+    return {gender: load_body(files[gender]) for gender in GENDERS}
 
 
 def save_body(path: str | Path, body: BodyModel, **about: str | int) -> None:

@@ -12,20 +12,11 @@ from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.settings import ScanSettings
 from drapeline.frames import GENDERS
 from drapeline.generation.settings import BodySettings, OutfitSettings
-from drapeline.models.garment4d.settings import Garment4dSettings
-from drapeline.models.gcvae.settings import GcvaeSettings
-from drapeline.models.smplicit.settings import SmplicitSettings
 from drapeline.outfits.garment_types import EVEN_OUTFIT_TYPES, GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarmentFiles
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 
-# Block of a config -> its settings.
-MODELS: dict[str, type[Settings]] = {
-    "gcvae": GcvaeSettings,
-    "garment4d": Garment4dSettings,
-    "smplicit": SmplicitSettings,
-}
 # Names of cloth solvers.
 Solver = Literal["blender", "xpbd"]
 # Of a group; without one, garments stay at rest.

@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,8 +80,8 @@ class Sources:
 
         Args:
             script: a Python file that imports from the package.
-            named: dotted names of modules that it imports without naming them in its text, all of
-                which count.
+            named: what it imports without naming it in its text: `package.module`, all of which
+                counts, or `package.module:definition`; of another package all files count.
 
         Returns:
             Twelve hexadecimal digits.
@@ -88,7 +89,8 @@ class Sources:
         Raises:
             FileNotFoundError: an import of the package names no module.
         """
-        key = _sum([Path(script).read_text(), named])
+        others = [path.read_text() for name in named for path in _files_of_others(name)]
+        key = _sum([Path(script).read_text(), named, others])
         if key not in self._digests:
             reached = _Reached(self, Path(script), named)
             data = (self._texts[path] for path in reached.data_files())
@@ -105,7 +107,7 @@ class Sources:
 
         Args:
             script: a Python file that imports from the package.
-            named: dotted names of modules that it imports without naming them in its text.
+            named: see `digest`.
         """
         reached = _Reached(self, Path(script), named)
         return {path for path in reached.loaded if path in self._texts} | reached.data_files()
@@ -132,6 +134,11 @@ class Sources:
         for index, definition in enumerate(self.module(path).definitions):
             yield _Node(path, index, "")
             yield from (_Node(path, index, method) for method in definition.methods)
+
+    def definition(self, path: Path, name: str) -> "tuple[_Node, ...]":
+        """What a name in a module means; nothing for one that is not there."""
+        target = self._resolve(path, name) if name else None
+        return target.nodes if target else ()
 
     def piece(self, node: "_Node") -> "_Piece":
         """The code of a node."""
@@ -280,10 +287,14 @@ class _Reached:
         self._unused: defaultdict[str, list[_Node]] = defaultdict(list)
         self._load(script)
         self._add(sources.all_nodes(script))
-        for module in named:
-            *_, path = sources.files_of_import(module, "")
-            self._load(path)
-            self._add(sources.all_nodes(path))
+        for name in named:
+            for path in _files_of_others(name):
+                self._load(path)
+                self._add(sources.all_nodes(path))
+            module, _, definition = name.partition(":")
+            for path in sources.files_of_import(module, "")[-1:]:
+                self._load(path)
+                self._add(sources.definition(path, definition) or sources.all_nodes(path))
         while self._waiting:
             self._follow(self._waiting.pop())
 
@@ -534,6 +545,17 @@ def _dotted(node: ast.AST) -> str:
         case ast.Call(func=called):
             return _dotted(called)
     return ""
+
+
+def _files_of_others(name: str) -> list[Path]:
+    """All files of the package of a `package.module:definition`, unless that is ours."""
+    package = name.partition(":")[0].split(".")[0]
+    found = None if _is_ours(package) else find_spec(package)
+    if found is None:
+        return []
+    folders = [Path(folder) for folder in found.submodule_search_locations or ()]
+    files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    return files or [Path(str(found.origin))]
 
 
 def _is_ours(module: str) -> bool:

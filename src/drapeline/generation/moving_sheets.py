@@ -6,6 +6,7 @@ that a skirt follows a shin that is bent back; a solver lets it hang, swing and 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, boundary_edges, mean_edge_length
 from drapeline.geometry.point_cache import PointCache
+from drapeline.job import Job
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
@@ -252,3 +254,14 @@ def _garment(name: str, sheet: Mesh) -> Garment:
 def _frames(folder: Path, garment: Garment) -> list[Mesh]:
     with PointCache(folder / f"{garment.name}.f32", len(garment.vertices)) as cache:
         return [Mesh(places, garment.faces) for places in cache.frames(0, len(cache))]
+
+
+def job_draper(job: Job, frames: int) -> SolverDraper | None:
+    """What lets garments hang in a job that is told of a `solver`'s module and of `hanging`.
+
+    Args:
+        job: with these params.
+        frames: for which they hang; 0 gives None.
+    """
+    solver = import_module(job.params.solver).cloth_solver(job.threads)
+    return make_draper(solver, frames, **job.params.hanging)

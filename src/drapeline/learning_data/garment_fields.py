@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, boundary_edges, triangulate
-from drapeline.learning_data.occlusion import TexturePixels, covered_vertices
+from drapeline.job import Job
+from drapeline.learning_data.occlusion import TexturePixels, covered_vertices, texture_pixels
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
-from drapeline.rule_log import progress
+from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
 
@@ -354,3 +355,14 @@ class FieldData:
             "row": rows,
             "names": self.names(rows),
         }
+
+
+def collect(job: Job) -> None:
+    """Distance fields of all garments of some types."""
+    given, params = job.input, job.params
+    bodies = load_bodies(given)
+    pixels = texture_pixels(bodies[GENDERS[0]], params.resolution)
+    count = collect_fields(
+        job.output[0], given.shards, params.garments, bodies, pixels, clusters=params.clusters
+    )
+    LOGGER.info("%d garments", count)

@@ -6,16 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
+from drapeline.bodies.model import load_bodies
 from drapeline.dataset.point_clouds import load_clouds
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import solver_name
+from drapeline.dataset.shards import samples_named, samples_of
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.learning_data.sequences import SKINNED, GarmentSequence
+from drapeline.job import Job
+from drapeline.learning_data.sequences import SKINNED, GarmentSequence, collect_sequences
 from drapeline.learning_data.skinned import load_skinned
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_template.remesh import RemeshTable, remesh
+from drapeline.registration.to_template.garment_template import load_template
+from drapeline.registration.to_template.remesh import RemeshTable, load_tables, remesh
+from drapeline.rule_log import LOGGER
 
 
 def simulated_sequences(
@@ -118,3 +123,22 @@ def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> Remesh
     if name not in tables:
         raise InputError(f"{name}: its {garment} is not registered, expected a remesh table")
     return tables[name]
+
+
+def collect(job: Job) -> None:
+    """Sequences of a garment type, and its space of shapes at rest."""
+    given, params = job.input, job.params
+    tables, clouds = load_tables(given.fits, params.garment), samples_of(given.clouds)
+    samples = samples_named(given.samples, [path.name for path in clouds])
+    frames = collect_sequences(
+        job.output[0],
+        params.garment,
+        [
+            *simulated_sequences(params.garment, samples, clouds, tables),
+            *skinned_sequences(params.garment, given.skinned, given.outfits, tables),
+        ],
+        load_template(given.template).faces,
+        params.components,
+        load_bodies(given) if params.body_relative_points else None,
+    )
+    LOGGER.info("%d frames", frames)

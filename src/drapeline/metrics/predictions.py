@@ -201,7 +201,7 @@ def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Pat
     """Of each type the first test sequence; names of simulated ones come before the others'.
 
     Args:
-        folders: a folder of reconstructions per type.
+        folders: of an evaluation per type.
 
     Returns:
         The files of the paper's network and of ours, for every type that has any.
@@ -210,13 +210,21 @@ def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Pat
         InputError: no type has one.
     """
     folders = list(folders)
-    ours = [path for folder in folders for path in sorted(Path(folder).glob("*_ours.npz"))[:1]]
+    ours = [
+        path
+        for folder in folders
+        for path in sorted(Path(folder).glob("reconstructions/*_ours.npz"))[:1]
+    ]
     if not ours:
         raise InputError(
             f"{folders[0]}: no sequence of any type is in the test split, expected one or"
             " more; ask for more samples or for a larger share"
         )
     return [(path.with_name(path.name.replace("_ours", "")), path) for path in ours]
+
+
+# Of a model's evaluation on scans.
+FITTED = "fitted_scans.npz"
 
 
 def save_fitted_scans(path: str | Path, found: Mapping[str, Fits]) -> None:

@@ -1,6 +1,6 @@
 """The long-form table of metrics: one row per model, split, garment and metric."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from drapeline.errors import InputError
 from drapeline.metrics.metric import Measured
 from drapeline.schema import Column, Schema, Table, check_table, make_table, read_table, write_table
 from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder
 
 ALL = "all"
 LOW, HIGH = "_low95", "_high95"
@@ -204,3 +205,23 @@ def _check_units(table: Table, path: str | Path) -> None:
             f"{path}: line {row + 2}: {table['metric'].iloc[row]} has the unit"
             f" '{table['unit'].iloc[row]}', expected '{expected.iloc[row]}'"
         )
+
+
+# Of an evaluation's folder.
+METRICS_FILE = "metrics.tsv"
+
+
+def write_evaluation(
+    folder: str | Path, rows: Table, complete: Callable[[Path], None] | None = None
+) -> None:
+    """Leave the folder of an evaluation.
+
+    Args:
+        folder: gets `metrics.tsv`.
+        rows: see `METRICS`.
+        complete: adds what figures are drawn from.
+    """
+    with atomic_folder(folder) as scratch:
+        write_metrics(scratch / METRICS_FILE, rows)
+        if complete is not None:
+            complete(scratch)

@@ -16,17 +16,19 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
+from drapeline.dataset.shards import samples_of
 from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.job import Job
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.predictions import BODY, TRUE, Fits
+from drapeline.metrics.predictions import BODY, FITTED, TRUE, Fits, save_fitted_scans
 from drapeline.metrics.properties import COMMON, measure_properties, scan_class
-from drapeline.metrics.table import ALL, join, summarise
+from drapeline.metrics.table import ALL, join, summarise, write_evaluation
 from drapeline.models.contract import HeldOutGarment, Representation, ScanFitter
 from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS, TEMPLATE_TYPES
-from drapeline.outfits.static import StaticOutfit
+from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
@@ -206,6 +208,35 @@ def compare_scan_fits(
         of_common = summary(common.get(variant, []), variant=variant)
         tables.append(of_common[of_common["garment"] == COMMON])
     return join(tables), shown
+
+
+def compare(job: Job, representations: Iterable[Representation]) -> None:
+    """Leave the evaluation `representations` of a model.
+
+    Args:
+        job: its input has `data`, the static garments, and `outfits`, the same as they were made;
+            its params `garments`, `split` and `seed`.
+        representations: of the model.
+    """
+    given, params = job.input, job.params
+    outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
+    garments = held_out_garments(StaticData(given.data), outfits, params.garments, params.split)
+    rows = compare_representations(garments, representations, split=params.split, seed=params.seed)
+    write_evaluation(job.output[0], rows)
+
+
+def fit_scans(job: Job, fitter: ScanFitter, bodies: Mapping[str, BodyModel]) -> None:
+    """Leave the evaluation `scans` of a model.
+
+    Args:
+        job: its input has `scans`, and `samples` that they were taken of; its params `split` and
+            `seed`.
+        fitter: of the model.
+        bodies: by gender.
+    """
+    scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
+    rows, found = compare_scan_fits(scans, fitter, split=job.params.split, seed=job.params.seed)
+    write_evaluation(job.output[0], rows, lambda made: save_fitted_scans(made / FITTED, found))
 
 
 def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:

@@ -1,21 +1,6 @@
-"""The contract of a model: what it brings so that the rest of the project can use it.
+"""What models are compared by, and what of theirs can be.
 
-A model has a folder of its own, `models/<name>/`, and imports no other model. The folder has
-
-- `settings.py`: the model's block of the config, as a `drapeline.settings.Settings`;
-- trainings: from data and settings to the folder of a training, for networks by
-  `training.lightning.fit`, which resumes trainings and writes checkpoints;
-- a function that loads what that folder holds, without executing anything;
-- evaluation: a `metrics.table.METRICS` table for held-out garments, from codes, from
-  reconstructions, or from whatever else the model predicts;
-- for figures, what `report/` draws, as files or in types of `metrics/` such as `WornGarment` of
-  `metrics.predictions`; `report/` does not import models;
-- `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
-  all models are compared on the same garments;
-- if its garments can be fitted to points, a `ScanFitter`, by which models are compared on the same
-  segmented scans.
-
-docs/how-to/extending.md lists what it has outside its folder.
+`models.registry` says what else a model brings.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -11,29 +11,17 @@ docs/reference/api.md shows more of it. Loading executes nothing that is in the 
 """
 
 from pathlib import Path
+from typing import Any
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.reconstruct import ReconstructionModel, stage_folder
-from drapeline.models.garment4d.stages import PosedStage
-from drapeline.models.gcvae.ppca import StaticPpca
-from drapeline.models.gcvae.static_model import StaticModel
-from drapeline.models.gcvae.vae import StaticVae
-from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.network import GarmentField
+from drapeline.job import resolve
+from drapeline.models.garment4d.reconstruct import stage_folder
+from drapeline.models.registry import models
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
-TrainedModel = StaticModel | ReconstructionModel | SmplicitModel
 
-_MODELS: dict[str, type[TrainedModel]] = {
-    StaticVae.checkpoint_type: StaticModel,
-    StaticPpca.checkpoint_type: StaticModel,
-    PosedStage.checkpoint_type: ReconstructionModel,
-    GarmentField.checkpoint_type: SmplicitModel,
-}
-
-
-def load(folder: str | Path) -> TrainedModel:
+def load(folder: str | Path) -> Any:
     """A trained model from the folder that its rule left.
 
     Args:
@@ -51,6 +39,9 @@ def load(folder: str | Path) -> TrainedModel:
     """
     path = stage_folder(folder) / BEST
     kind = read_checkpoint(path).metadata["checkpoint_type"]
-    if kind not in _MODELS:
-        raise InputError(f"{path}: holds a '{kind}' network, expected {' or '.join(_MODELS)}")
-    return _MODELS[kind](folder)
+    loaders = {
+        name: loader for model in models().values() for name, loader in model.loaders.items()
+    }
+    if kind not in loaders:
+        raise InputError(f"{path}: holds a '{kind}' network, expected {' or '.join(loaders)}")
+    return resolve(loaders[kind])(folder)

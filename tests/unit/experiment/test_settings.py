@@ -7,10 +7,12 @@ import yaml
 
 from drapeline.errors import InputError
 from drapeline.experiment.config import fill_settings
-from drapeline.experiment.settings import MODELS, experiment_with
+from drapeline.experiment.settings import experiment_with
+from drapeline.models.registry import models
 from drapeline.settings import Field, Settings
 
 ROOT = Path(__file__).parents[3]
+MODELS = {name: model.settings for name, model in models().items()}
 
 
 def test_settings_load_nothing_that_takes_long():

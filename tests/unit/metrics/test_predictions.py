@@ -57,13 +57,14 @@ def test_reconstructions_survive_a_file(tmp_path):
 def test_of_each_type_with_a_reconstruction_the_first_is_shown_in_both_variants(tmp_path):
     folders = [tmp_path / name for name in ("Skirt", "Tshirt", "Trousers")]
     for folder, names in zip(folders, (["00002", "00001"], [], ["x"]), strict=True):
-        folder.mkdir()
+        made = folder / "reconstructions"
+        made.mkdir(parents=True)
         for name in names:
             for file in (f"{name}.npz", f"{name}_ours.npz"):
-                (folder / file).touch()
+                (made / file).touch()
     assert first_reconstructions(folders) == [
-        (folders[0] / "00001.npz", folders[0] / "00001_ours.npz"),
-        (folders[2] / "x.npz", folders[2] / "x_ours.npz"),
+        tuple(folders[0] / f"reconstructions/00001{end}.npz" for end in ("", "_ours")),
+        tuple(folders[2] / f"reconstructions/x{end}.npz" for end in ("", "_ours")),
     ]
     with pytest.raises(InputError, match="Tshirt: no sequence of any type is in the test split"):
         first_reconstructions(iter(folders[1:2]))

@@ -1,36 +1,99 @@
-"""Every model fulfils the contract of `models.contract`, and none knows another."""
+"""Every model fulfils the contract of `models.registry` and `models.contract`."""
 
 import importlib
 import inspect
+import json
+import subprocess
+import sys
 
 import pytest
 
-from drapeline.models import compare, contract
+from drapeline.errors import InputError
+from drapeline.job import resolve
+from drapeline.models import compare, contract, registry
+from drapeline.models.registry import Model, ModelPlan, models
+from drapeline.settings import Settings
 from toys.imported_modules import imported_modules
+from toys.plans import files_of, tasks_of
 from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT
 
-MODELS_FOLDER = ROOT / "src/drapeline/models"
-SHARED = {"layers", "training"}
-MODELS = sorted(
-    path.name
-    for path in MODELS_FOLDER.iterdir()
-    if (path / "__init__.py").is_file() and path.name not in SHARED
-)
+MODELS = list(models())
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def plan(request):
+    return models()[request.param].plan(files_of())
+
+
+def test_what_tasks_run_and_what_loads_models_is_there(plan):
+    for task in tasks_of(plan).values():
+        assert callable(resolve(task.run))
+    for model in models().values():
+        for loader in model.loaders.values():
+            assert isinstance(resolve(loader), type)
+
+
+def test_tasks_ask_for_what_jobs_can_be_given(plan):
+    kinds = (plan.data, plan.trainings, plan.evaluations, plan.samples)
+    assert len({name for kind in kinds for name in kind}) == sum(map(len, kinds))
+    for task in tasks_of(plan).values():
+        json.dumps(dict(task.params))
+        assert (ROOT / f"envs/{task.environment}.yaml").is_file()
+        assert task.seconds > 0
+        assert task.megabytes > 0
+        assert not {"run", "output", "threads"} & set(task.input)
+
+
+def test_a_model_trains_and_is_evaluated_and_compared(plan):
+    assert plan.trainings
+    tables = {table for evaluation in plan.evaluations.values() for table in evaluation.tables}
+    assert {"metrics", "representations", "scans"} <= tables
+
+
+def test_pages_and_pictures_have_captions(plan):
+    for figure in plan.figures.values():
+        for shown in figure.output.values():
+            if not isinstance(shown, str):
+                assert (ROOT / f"workflow/report/{shown.caption}.rst").is_file()
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("module", ["settings", "representation"])
-def test_a_model_has_the_modules_of_the_contract(model, module):
-    assert (MODELS_FOLDER / model / f"{module}.py").is_file()
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_a_model_has_its_rules_and_its_block_of_the_schema(model):
-    rules = f"workflow/rules/{model}.smk"
-    assert (ROOT / rules).is_file()
-    assert f'include: "{rules}"\n' in (ROOT / "Snakefile").read_text()
+def test_a_model_has_its_block_of_the_schema(model):
     assert model in SCHEMA["properties"]
+
+
+def test_plans_load_nothing_that_takes_long():
+    program = (
+        "import sys\nfrom drapeline.models.registry import models\nmodels()\nprint(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(ROOT / "src")},
+    )
+    loaded = set(done.stdout.split())
+    assert not loaded & {"torch", "bpy", "warp", "trimesh", "pandas", "matplotlib", "snakemake"}
+
+
+def test_two_models_of_one_name_are_refused(monkeypatch):
+    twin = Model("gcvae", "Twin", Settings, lambda files: ModelPlan({}, {}, {}, {}, {}, {}), {})
+
+    class Point:
+        def load(self):
+            return twin
+
+    monkeypatch.setattr(registry, "entry_points", lambda group: [Point()])
+    with pytest.raises(InputError, match="two models are called 'gcvae'"):
+        models.__wrapped__()
+
+
+def test_a_function_that_is_not_there_is_named():
+    for name in ("drapeline.nowhere:train", "drapeline.job:train"):
+        with pytest.raises(InputError, match=f"{name}: no such name"):
+            resolve(name)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -10,21 +10,23 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import torch
 
-from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.model import load_bodies, posed_vertices
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
+from drapeline.job import Job
 from drapeline.learning_data.body_relative_points import nearest_vertices
-from drapeline.learning_data.sequences import SIMULATED
+from drapeline.learning_data.sequences import SIMULATED, SequenceData
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
-from drapeline.metrics.table import join, summarise, without_all
-from drapeline.models.garment4d.data import BodySequences, ShapedBody
+from drapeline.metrics.table import METRICS_FILE, join, summarise, without_all, write_metrics
+from drapeline.models.garment4d.data import BodySequences, BodySet, ShapedBody
 from drapeline.models.garment4d.reconstruct import (
     DEFAULT_REFINING,
     Estimate,
@@ -36,9 +38,17 @@ from drapeline.models.garment4d.reconstruct import (
     refine,
 )
 from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
-from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    MgnStage,
+    PointNetStage,
+    PosedStage,
+    load_posed_files,
+    load_stage,
+)
 from drapeline.models.training.batches import ByteCache
 from drapeline.models.training.checkpoints import tensors_digest
+from drapeline.models.training.module import fastest_device
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.rule_log import progress
@@ -435,3 +445,34 @@ class GuessedLabels:
         points, poses = (each[data.rows(sequence)][frames] for each in (data.points, data.poses))
         posed = posed_vertices(body.model, body.shape, poses)[0]
         return np.stack([nearest_vertices(*pair) for pair in zip(posed, points, strict=True)])
+
+
+# In the folder of an evaluation, for figures.
+RECONSTRUCTIONS = "reconstructions"
+
+
+def evaluate_garment(job: Job) -> None:
+    """Metrics of all networks of one garment type, and reconstructions."""
+    given, params = job.input, job.params
+    torch.set_num_threads(job.threads)
+    bodies = BodySet(load_bodies(given), params.body_points)
+    device = fastest_device(params.accelerator)
+    posed = dict(zip(params.posed, given.posed, strict=True))
+    stages = {name: load_stage(folder, PosedStage).to(device) for name, folder in posed.items()}
+    released = given.get("vertex_sampled")
+    with atomic_folder(job.output[0]) as scratch:
+        rows = evaluate(
+            BodySequences(SequenceData(given.data), bodies),
+            {
+                "canonical": load_stage(given.canonical, CanonicalStage).to(device),
+                "pointnet": load_stage(given.pointnet, PointNetStage).to(device),
+            },
+            {**stages, "mgn": load_stage(given.mgn, MgnStage).to(device)},
+            params.splits,
+            EvaluationSettings(**params.settings),
+            RefineSettings(**params.refine),
+            load_posed_files(posed["posed"]).worn_statistics,
+            pictures=scratch / RECONSTRUCTIONS,
+            vertex_sampled=BodySequences(SequenceData(released), bodies) if released else None,
+        )
+        write_metrics(scratch / METRICS_FILE, rows)

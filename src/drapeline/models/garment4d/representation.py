@@ -1,13 +1,16 @@
 """Garments as vertices of their type's template, without a code and as principal components."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from drapeline.geometry.mesh import Mesh
+from drapeline.job import Job
+from drapeline.models.compare import compare
 from drapeline.models.contract import HeldOutGarment
-from drapeline.registration.to_template.garment_space import GarmentSpace
-from drapeline.registration.to_template.remesh import RemeshTable, remesh
+from drapeline.registration.to_template.garment_space import GarmentSpace, load_space
+from drapeline.registration.to_template.remesh import RemeshTable, load_tables, remesh
 
 
 class RegisteredTemplate:
@@ -55,3 +58,11 @@ class TemplatePca(RegisteredTemplate):
     def predict(self, vertices: np.ndarray, space: GarmentSpace) -> np.ndarray:
         """The template's vertices (N, 3) from its coefficients."""
         return space.vertices(space.coefficients(vertices))
+
+
+def compare_templates(job: Job) -> None:
+    """Held-out garments as templates and as their principal components."""
+    given, garments = job.input, job.params.garments
+    spaces = {name: load_space(Path(given[name]) / "space.npz") for name in garments}
+    tables = {name: load_tables(given.fits, name) for name in garments}
+    compare(job, [RegisteredTemplate(spaces, tables), TemplatePca(spaces, tables)])

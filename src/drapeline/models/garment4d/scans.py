@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from scipy.spatial import KDTree
 
 from drapeline.bodies import follow
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scans import ScanSequence
@@ -25,11 +26,13 @@ from drapeline.geometry.mesh import (
     face_normals,
     vertex_normals,
 )
+from drapeline.job import Job
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
+from drapeline.models.compare import fit_scans
 from drapeline.models.garment4d.data import ShapedBody
 from drapeline.models.garment4d.reconstruct import (
     DEFAULT_REFINING,
@@ -315,3 +318,11 @@ def _measure(
         one = Measured(SPLIT, garment, measures)
         tables.append(summarise([one], model=MODEL, variant=variant, split=SPLIT, seed=seed))
     return without_all(join(tables))
+
+
+def fit_to_scans(job: Job) -> None:
+    """Garment4D's components and networks in held-out scans."""
+    torch.set_num_threads(job.threads)
+    models = {model.garment: model for model in map(ReconstructionModel, job.input.models)}
+    fitter = Garment4dScanFitter(models, FitTemplate(), job.params.seed)
+    fit_scans(job, fitter, load_bodies(job.input))

@@ -5,7 +5,7 @@ the levels of points and the canonical garments of a finished one.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -48,9 +48,8 @@ from drapeline.models.garment4d.settings import (
 )
 from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.training.batches import Batch, ByteCache, TrainingBatches, as_tensors
+from drapeline.models.training.batches import Batch, ByteCache, as_tensors
 from drapeline.models.training.checkpoints import (
-    arrays_digest,
     building,
     load_state,
     read_checkpoint,
@@ -446,61 +445,6 @@ class MgnStage(PosedStage):
     def predict(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
         """Posed garments (B, T, N, 3) in metres."""
         return [self.network(batch["worn"], levels, batch["weights"], batch["transforms"])]
-
-
-def train_stage(
-    folder: str | Path,
-    stage: Stage,
-    sequences: BodySequences,
-    *,
-    code: str,
-    progress: str | Path,
-    trainer: Mapping[str, Any],
-    threads: int,
-    complete: Callable[[Path], None] | None = None,
-) -> None:
-    """Train a stage on windows of sequences and leave a folder as `fit` does.
-
-    Args:
-        folder, progress, trainer, threads, complete: see `fit`.
-        stage: with its initial weights.
-        sequences: of its garment type.
-        code: digest of the code; a training that was stopped goes on with the same code alone.
-    """
-    # Here, because models are loaded where Lightning is not installed.
-    from drapeline.models.training.lightning import fit
-
-    torch.set_num_threads(threads)
-    stage.train()  # a frozen stage within it too: Lightning warns of modules in evaluation mode
-    training, sequences = stage.settings.training, stage.training_sequences(sequences)
-    windows = Windows(
-        sequences,
-        frames=training.frames,
-        stride=training.stride,
-        sources=training.sources,
-        most_validated=stage.MOST_VALIDATED,
-        body_relative_points=stage.body_relative_points,
-    )
-    garments = TrainingBatches(windows, batch=training.batch, seed=training.seed)
-    stage.prepare(windows)
-    fit(
-        stage,
-        garments,
-        folder,
-        progress=progress,
-        epochs=training.epochs,
-        monitor="val_total",
-        settings={
-            **stage.settings.plain(),
-            "sequences": sequences.data.name.tolist(),
-            "data": arrays_digest(sequences.arrays()),
-            **stage.dependencies(),
-            "code": code,
-        },
-        trainer=trainer,
-        threads=threads,
-        complete=complete,
-    )
 
 
 _STAGES: dict[str, type[Stage]] = {

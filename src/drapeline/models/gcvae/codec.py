@@ -254,6 +254,10 @@ def decode_codes(
         yield from zip(offsets.numpy(), inside, strict=True)
 
 
+# Of a static model's evaluation.
+CODES = "codes.npz"
+
+
 def save_codes(path: str | Path, codes: Codes, garments: StaticGarments) -> None:
     """Write the codes of all rows with their `garment`, `outfit` and `split`."""
     split = np.full(len(garments.garment), "", dtype="U5")

@@ -9,20 +9,50 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.frames import REST_POSE
+from drapeline.bodies.model import BodyModel, load_bodies, load_body, posed_vertices
+from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.job import Job
 from drapeline.learning_data.dynamic import HISTORY_FRAMES
-from drapeline.learning_data.moving import MovingFiles
+from drapeline.learning_data.moving import MovingFiles, moving_files_test_first
+from drapeline.learning_data.static import StaticData
 from drapeline.metrics.garment import garment_mesh, surface_error_mm
 from drapeline.metrics.predictions import GarmentCase, WornGarment
-from drapeline.models.gcvae.codec import Codes, GarmentCodec, decode_codes, encode_garments
+from drapeline.models.gcvae.codec import (
+    CODES,
+    Codes,
+    GarmentCodec,
+    decode_codes,
+    encode_garments,
+    load_codes,
+)
 from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
 from drapeline.models.gcvae.decode import decode_points_for_display, static_truth
-from drapeline.models.gcvae.sample import GarmentTypes, decode_by_type, smooth_bootstrap
+from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
+from drapeline.models.gcvae.sample import (
+    GarmentTypes,
+    decode_by_type,
+    load_samples,
+    load_types,
+    smooth_bootstrap,
+    wearer_mesh,
+)
+from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_body.topology import Topology
+from drapeline.registration.to_body.topology import Topology, load_topology
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.gcvae.figures import (
+    ERROR_COLUMNS,
+    animate_views,
+    error_views,
+    plot_codes,
+    plot_samples,
+    walk_view,
+    worn_view,
+)
+from drapeline.report.models.scene import View, plot_views
+from drapeline.seeding import rng_for
 
 _MEAN_FRAMES = 64  # whose mean wrinkle code stands for that of a type
 
@@ -317,3 +347,91 @@ def interpolate_as_figure_9(
 
 
 _CVAR_PARTS = {"shape": slice(0, 10), "tightness": slice(11, 13)}
+
+
+def plot_sampled(job: Job) -> None:
+    """Sampled garments on their wearers."""
+    bodies, views = load_bodies(job.input), {}
+    samples = load_samples(job.input.samples)[: job.params.shown]
+    mixed = len({sample.asked for sample in samples}) > 1
+    for sample in samples:
+        caption = f"{sample.name} {sample.garment}" + " (asked)" * (mixed and sample.asked)
+        views[caption] = walk_view(sample.mesh, wearer_mesh(bodies, sample.cvar), sample.garment)
+    with ray_share(job.params.rays):
+        plot_samples(job.output[0], views)
+
+
+def plot_evaluated_codes(job: Job) -> None:
+    """Codes of static garments by type, as figure 8 of the paper."""
+    codes, about = load_codes(Path(job.input.evaluated) / CODES)
+    types = [GARMENTS[garment_index] for garment_index in about["garment"]]
+    plot_codes(job.output[0], codes.mean, types, about["split"])
+
+
+def plot_walks(job: Job) -> None:
+    """Transitions between garments through their codes, as figure 9 of the paper."""
+    given, params = job.input, job.params
+    model, data = load_codec(Path(given.model) / BEST), StaticData(given.data)
+    codes, _ = load_codes(Path(given.evaluated) / CODES)
+    bodies, types = load_bodies(given), load_types(given.model)
+    # Held-out garments where there is one of a type.
+    rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
+
+    def views(steps: int) -> dict[str, list[View]]:
+        ways = interpolate_as_figure_9(model, types, data, rows, codes.of(rows), steps)
+        return {
+            name: [walk_view(at.mesh, wearer_mesh(bodies, at.cvar), at.garment) for at in way]
+            for name, way in ways.items()
+        }
+
+    with ray_share(params.rays):
+        plot_views(job.output.sheet, views(params.steps))
+        ways = views(params.frames)
+        moving = next(ways[name] for name in ("topology", "cloth", "shape", *ways) if name in ways)
+        animate_views(job.output.moving, moving)
+
+
+def plot_errors(job: Job) -> None:
+    """Reconstructions and their errors, as figure 7 of the paper."""
+    given = job.input
+    bodies = load_bodies(given)
+    cases = static_cases(
+        load_codec(Path(given.svae) / BEST),
+        StaticData(given.data),
+        load_codes(Path(given.evaluated) / CODES)[0],
+        given.outfits,
+        bodies,
+    )
+    moving, refined, topology = _moving_files(job)
+    cases += moving_cases(*moving, refined, bodies, topology)
+    rows = {case.label: error_views(case) for case in cases}
+    with ray_share(job.params.rays):
+        plot_views(job.output[0], rows, columns=ERROR_COLUMNS, heat=True)
+
+
+def plot_wrinkles(job: Job) -> None:
+    """Wrinkle codes on other garments, as figure 10 of the paper."""
+    moving, refined, topology = _moving_files(job)
+    rows = wrinkle_rows(
+        rng_for(job.params.seed, "wrinkle codes"),
+        *moving,
+        refined,
+        load_bodies(job.input),
+        topology,
+        job.params.columns,
+    )
+    views = {name: [worn_view(worn) for worn in row] for name, row in rows.items()}
+    with ray_share(job.params.rays):
+        plot_views(job.output[0], views)
+
+
+def _moving_files(
+    job: Job,
+) -> tuple[tuple[GarmentCodec, DynamicGarments, list[MovingFiles]], dict[str, BodyModel], Topology]:
+    """The dynamic model, its garments and their files; refined bodies; topology."""
+    given = job.input
+    garments = load_dynamic_garments(given.dynamic, given.static, job.params.frames)
+    files = moving_files_test_first(given.samples, given.registrations)
+    refined = {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS}
+    codec = load_codec(Path(given.dvae) / BEST)
+    return (codec, garments, files), refined, load_topology(given.topology)

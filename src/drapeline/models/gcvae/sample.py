@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.model import BodyModel, load_bodies, posed_vertices
 from drapeline.bodies.rest_body import signed_tightness
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
@@ -25,12 +25,15 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.job import Job
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
-from drapeline.models.gcvae.load import TrainingCodes, load_training_codes
+from drapeline.models.gcvae.load import TrainingCodes, load_codec, load_training_codes
+from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
+from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
@@ -480,3 +483,17 @@ def wearer_mesh(bodies: Mapping[str, BodyModel], cvar: np.ndarray) -> Mesh:
     """
     female, male = (posed_vertices(bodies[g], cvar[:10], REST_POSE[None])[0][0] for g in GENDERS)
     return Mesh(female + cvar[10] * (male - female), bodies[GENDERS[0]].faces)
+
+
+def sample_garments_of_codes(job: Job) -> None:
+    """Garments from the prior or near those of a type, as OBJ and glTF."""
+    given, params = job.input, job.params
+    model, types = load_codec(Path(given.model) / BEST), load_types(given.model)
+    requests = draw_requests(params.seed, **params.conditions)
+    sampled = sample_garments(model, types, requests, params.seed, settle=params.settle)
+    faces = model.body_template.faces["body"]
+    rows = save_samples(job.output[0], sampled, load_bodies(given), faces)
+    good = sum(row["inside_1cm_share"] <= 0.05 for row in rows)
+    LOGGER.info(
+        "%d of %d garments have at most 5 %% of their vertices deeper than 1 cm", good, len(rows)
+    )

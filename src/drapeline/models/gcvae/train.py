@@ -7,15 +7,34 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
+from drapeline.bodies.model import load_bodies
 from drapeline.errors import InputError
-from drapeline.models.gcvae.data import Garments, cvar_statistics
+from drapeline.job import Job
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.data import (
+    BodyTemplate,
+    DynamicGarments,
+    Garments,
+    cvar_statistics,
+    dynamic_body_template,
+    static_body_template,
+)
+from drapeline.models.gcvae.load import load_dynamic_garments, save_static_files
 from drapeline.models.gcvae.networks import ConditioningAutoencoder
-from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.vae import GarmentVae
+from drapeline.models.gcvae.ppca import DynamicPpca, StaticPpca, save_fit
+from drapeline.models.gcvae.settings import (
+    ConditioningSettings,
+    DvaeSettings,
+    PpcaSettings,
+    VaeSettings,
+)
+from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.checkpoints import Checkpoint, read_checkpoint, tensors_digest
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST, TrainableModule
+from drapeline.registration.to_body.hierarchy import load_hierarchy
+from drapeline.registration.to_body.topology import Topology, load_topology
 from drapeline.seeding import rng_for
 
 
@@ -199,3 +218,99 @@ def train_vae(
         threads=threads,
         complete=complete,
     )
+
+
+def train_svae_conditioning(job: Job) -> None:
+    """The autoencoder of the conditions of garments in rest pose."""
+    _train_conditioning(job, StaticData(job.input.data))
+
+
+def train_dvae_conditioning(job: Job) -> None:
+    """The autoencoder of the conditions of garments in motion."""
+    given = job.input
+    _train_conditioning(job, load_dynamic_garments(given.data, given.static, job.params.frames))
+
+
+def _train_conditioning(job: Job, conditions: Conditions) -> None:
+    train_conditioning(
+        job.output[0],
+        conditions,
+        ConditioningSettings(**job.params.settings),
+        code=job.code,
+        progress=job.progress,
+        threads=job.threads,
+    )
+
+
+def train_svae(job: Job) -> None:
+    """The paper's VAE of garments in rest pose, in one of its variants."""
+    garments, topology, template = _static_garments(job)
+    model = StaticVae(VaeSettings(**job.params.settings), template)
+    _train_vae(
+        job, model, garments, lambda made: save_static_files(made, model, garments, topology)
+    )
+
+
+def train_dvae(job: Job) -> None:
+    """The paper's VAE of garments in motion, in one of its variants."""
+    garments, template = _dynamic_garments(job)
+    _train_vae(job, DynamicVae(DvaeSettings(**job.params.settings), template), garments)
+
+
+def _train_vae(
+    job: Job,
+    model: GarmentVae,
+    garments: Garments,
+    complete: Callable[[Path], None] | None = None,
+) -> None:
+    train_vae(
+        job.output[0],
+        model,
+        garments,
+        conditioning=job.input.conditioning,
+        code=job.code,
+        progress=job.progress,
+        trainer=job.params.trainer,
+        threads=job.threads,
+        complete=complete,
+    )
+
+
+def fit_static_ppca(job: Job) -> None:
+    """Masked probabilistic PCA of garments in rest pose."""
+    torch.set_num_threads(job.threads)
+    garments, topology, template = _static_garments(job)
+    model = StaticPpca(PpcaSettings(**job.params.settings), template)
+    model.fit(garments)
+    save_fit(
+        job.output[0],
+        model,
+        lambda made: save_static_files(made, model, garments, topology),
+    )
+
+
+def fit_dynamic_ppca(job: Job) -> None:
+    """Masked probabilistic PCA of garments in motion."""
+    torch.set_num_threads(job.threads)
+    garments, template = _dynamic_garments(job)
+    model = DynamicPpca(PpcaSettings(**job.params.settings), template)
+    model.fit(garments)
+    save_fit(job.output[0], model)
+
+
+def _static_garments(job: Job) -> tuple[StaticData, Topology, BodyTemplate]:
+    given = job.input
+    garments, topology = StaticData(given.data), load_topology(given.topology)
+    hierarchy = load_hierarchy(given.hierarchy)
+    return (
+        garments,
+        topology,
+        static_body_template(garments, topology, hierarchy, load_bodies(given)),
+    )
+
+
+def _dynamic_garments(job: Job) -> tuple[DynamicGarments, BodyTemplate]:
+    given = job.input
+    garments = load_dynamic_garments(given.data, given.static, job.params.frames)
+    topology, hierarchy = load_topology(given.topology), load_hierarchy(given.hierarchy)
+    return garments, dynamic_body_template(garments, topology, hierarchy, load_bodies(given))

@@ -14,6 +14,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, face_normals, loop_count, mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.job import Job
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.garment import (
     area_distance_and_faces,
@@ -23,16 +24,16 @@ from drapeline.metrics.garment import (
 )
 from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.metrics.registered import measured_at_rest
-from drapeline.metrics.table import join, summarise
+from drapeline.metrics.table import join, summarise, write_evaluation
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.network import GarmentField, Points, fit_codes
-from drapeline.models.smplicit.representation import HeldOut
+from drapeline.models.smplicit.network import GarmentField, Points, fit_codes, new_field
+from drapeline.models.smplicit.representation import HELD_OUT, HeldOut, save_held_out
 from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from drapeline.models.smplicit.surface.fields import NetworkField
 from drapeline.models.smplicit.surface.sheet import garment_of_field
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, resize
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
-from drapeline.outfits.static import StaticOutfit
+from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
@@ -354,3 +355,22 @@ def _rebuilt(
         model.decode(model.mean_code, **wearer, meshing=meshing).sheet,
         Mesh(rest_body(body, data.shape[row]), body.faces),
     )
+
+
+def evaluate(job: Job) -> None:
+    """Codes and surfaces of held-out garments, with their metrics."""
+    given, params = job.input, job.params
+    torch.set_num_threads(job.threads)
+    model, data = SmplicitModel(given.model), FieldData(given.data)
+    outfits = [outfit for shard in given.outfits for outfit in load_static(shard)]
+    evaluation = FieldEvaluation(
+        model,
+        data,
+        true_meshes(data, outfits),
+        meshing=Meshing(**params.meshing),
+        fit=FieldFitSettings(**params.fit),
+        seed=params.seed,
+    )
+    untrained = new_field(model.name, data, model.bodies, model.network.settings).eval()
+    rows, held_out = evaluation.run(params.split, untrained)
+    write_evaluation(job.output[0], rows, lambda made: save_held_out(made / HELD_OUT, held_out))

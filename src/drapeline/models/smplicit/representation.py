@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.geometry.mesh import Mesh
+from drapeline.job import Job
+from drapeline.models.compare import compare
 from drapeline.models.contract import HeldOutGarment
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
@@ -27,6 +29,10 @@ class HeldOut:
     garment: np.ndarray
     z: np.ndarray
     sheets: list[Mesh]
+
+
+# Of a model's evaluation.
+HELD_OUT = "held_out.npz"
 
 
 def save_held_out(path: str | Path, held_out: HeldOut) -> None:
@@ -97,3 +103,8 @@ class FieldCode:
         """The open surface of each garment's field."""
         for garment in garments:
             yield self._known[garment.outfit, garment.garment][1]
+
+
+def compare_codes(job: Job) -> None:
+    """Held-out garments as codes of SMPLicit."""
+    compare(job, [FieldCode([Path(folder) / HELD_OUT for folder in job.input.evaluated])])

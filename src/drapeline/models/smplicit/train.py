@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from drapeline.bodies.model import load_bodies
+from drapeline.job import Job
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.smplicit.network import GarmentField
+from drapeline.models.smplicit.model import save_model_files
+from drapeline.models.smplicit.network import GarmentField, new_field
+from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import fit
@@ -71,4 +75,20 @@ def train_field(
         trainer=trainer,
         threads=threads,
         complete=complete,
+    )
+
+
+def train(job: Job) -> None:
+    """SMPLicit's decoder, image encoder and styles for some garment types."""
+    params, bodies, data = job.params, load_bodies(job.input), FieldData(job.input.data)
+    model = new_field(params.name, data, bodies, FieldSettings(**params.settings))
+    train_field(
+        job.output[0],
+        model,
+        data,
+        code=job.code,
+        progress=job.progress,
+        trainer=params.trainer,
+        threads=job.threads,
+        complete=lambda folder: save_model_files(folder, model, data, bodies),
     )

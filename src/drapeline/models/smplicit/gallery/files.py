@@ -12,14 +12,23 @@ from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.job import Job
 from drapeline.metrics.garment import shape_measures
 from drapeline.metrics.predictions import GalleryGarment
 from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
-from drapeline.models.smplicit.gallery.plan import CodeSpace, Shown, nearest_type
+from drapeline.models.smplicit.gallery.plan import (
+    CodeSpace,
+    Shown,
+    code_space,
+    nearest_type,
+    plan_gallery,
+    training_measures,
+)
 from drapeline.models.smplicit.garments import region_of
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.settings import Meshing
-from drapeline.rule_log import progress
+from drapeline.outfits.static import load_static
+from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
 GARMENTS_TABLE, CODES = "garments.tsv", "codes.npz"
@@ -267,3 +276,19 @@ def _read(path: Path) -> Mesh:
 def still_part(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> ScenePart:
     """A mesh of a scene that does not move."""
     return ScenePart(name, mesh, colour, lambda start, stop: mesh.vertices[None], 1)
+
+
+def make_gallery(job: Job) -> None:
+    """Garments sampled, interpolated and edited, as OBJ and glTF, with what codes say of them."""
+    params, model = job.params, SmplicitModel(job.input.model)
+    outfits = [outfit for path in job.input.outfits for outfit in load_static(path)]
+    measures = training_measures(model, outfits)
+    space = code_space(model.name, model.codes, measures, model.network.settings.network.cut)
+    shown = plan_gallery(model.codes, space, model.bodies, seed=params.seed, count=params.samples)
+    rows = save_gallery(job.output[0], model, shown, space, Meshing(**params.meshing))
+    LOGGER.info(
+        "%d pictures of %d garments, %d of which have nothing left",
+        len(rows),
+        len({row["name"] for row in rows}),
+        len({row["name"] for row in rows if not row["vertices"]}),
+    )

@@ -13,16 +13,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import solver_name
+from drapeline.dataset.record import read_record, solver_name
+from drapeline.dataset.shards import samples_named
 from drapeline.errors import InputError
+from drapeline.generation.moving_sheets import job_draper
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.job import Job
 from drapeline.metrics.garment import area_distances_mm, inside_measures, mask_iou
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import FittedPicture
-from drapeline.metrics.table import join, summarise
+from drapeline.metrics.table import join, summarise, write_evaluation
 from drapeline.models.smplicit.dressing import BodyShape, Draper, FittedGarment, decode_worn
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.drape import best_silhouette, drape_candidates, drape_outfit
@@ -375,3 +379,37 @@ def _shown(known: KnownPicture, outfit: Outfit) -> FittedPicture:
     true = {known.garments[name]: mesh for name, mesh in known.true.items()}
     person = shown_person(known.person, known.body, garments, true)
     return FittedPicture(known.picture.name, shown_labels(known.picture.classes), None, (person,))
+
+
+def evaluate_images(job: Job) -> None:
+    """Garments found in pictures of held-out samples."""
+    given, params = job.input, job.params
+    torch.set_num_threads(job.threads)
+    models = {model.name: model for model in map(SmplicitModel, given.models)}
+    spread, others = (
+        [path for path in samples_named(given.samples, names) if read_record(path).accepted]
+        for names in (params.samples, params.others)
+    )
+    if not spread and not others:
+        raise InputError(
+            f"all {len(params.samples) + len(params.others)} samples of the {params.split} split"
+            " that pictures were wanted of were rejected, expected one that is accepted"
+        )
+    about = {"size_px": params.size_px, "seed": params.seed}
+    pictures = take_pictures(spread, models, count=params.pictures, **about)
+    pictures += take_pictures(others, models, count=len(others), **about)
+    fit = FitImage(**params.fit)
+    evaluation = PictureEvaluation(
+        models,
+        fit=fit,
+        meshing=Meshing(**params.meshing),
+        seed=params.seed,
+        draper=job_draper(job, fit.hang_frames),
+    )
+    rows, shown = evaluation.run(pictures, params.split)
+
+    def save_pictures(folder: Path) -> None:
+        for picture in shown:
+            picture.save(folder / f"{picture.name}.npz")
+
+    write_evaluation(job.output[0], rows, save_pictures)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import torch
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.bodies.moved_body import BodyState
@@ -13,10 +14,15 @@ from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import fit_scan_body
 from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import SegmentedScan, segment_scans
+from drapeline.dataset.shards import samples_of
+from drapeline.generation.moving_sheets import job_draper
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
+from drapeline.job import Job
 from drapeline.metrics.garment import distances_mm
-from drapeline.metrics.predictions import BODY, Fits
+from drapeline.metrics.predictions import BODY, FITTED, Fits, save_fitted_scans
+from drapeline.metrics.table import join, write_evaluation
+from drapeline.models.compare import body_rows, compare_scan_fits, known_scans, skin_of, truth_shown
 from drapeline.models.smplicit.dressing import (
     BodyShape,
     Draper,
@@ -367,3 +373,36 @@ class SmplicitScanFitter:
             for variant, outfit in outfits.items()
         }
         return worn | moved
+
+
+def fit_to_scans(job: Job) -> None:
+    """SMPLicit's garments in scans of held-out samples, and the bodies in them."""
+    given, params = job.input, job.params
+    torch.set_num_threads(job.threads)
+    models = {model.name: model for model in map(SmplicitModel, given.models)}
+    bodies = next(iter(models.values())).bodies
+    scans = known_scans(given.scans, samples_of(given.samples), bodies)
+    settings = FitScan(**params.fit)
+    fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
+    fitter = SmplicitScanFitter(models, *fits, job_draper(job, settings.hang_frames))
+    about = {"split": params.split, "seed": params.seed}
+    rows, found = compare_scan_fits(scans, fitter, **about)
+    states = {
+        "scan_body_estimated": [known.scan.estimate for known in scans],
+        "scan_body_fitted": [known.body for known in scans],
+        "scan_body_joint": [fitter.bodies[known.scan.name] for known in scans],
+    }
+    shown = {}
+    for known in scans:
+        scan = known.scan
+        own = {BODY: skin_of(fitter.bodies[scan.name], bodies[scan.gender])}
+        fitted = {
+            variant: {**garments, **own} if variant in ON_JOINT_BODY else garments
+            for variant, garments in found[scan.name].items()
+        }
+        shown[scan.name] = {**fitted, **truth_shown(known, bodies)}
+    write_evaluation(
+        job.output[0],
+        join([rows, body_rows(scans, states, bodies, **about)]),
+        lambda made: save_fitted_scans(made / FITTED, shown),
+    )

@@ -12,11 +12,13 @@ from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from PIL import Image, ImageDraw
 
 from drapeline.geometry.mesh import Mesh, edges
+from drapeline.job import Job
 from drapeline.metrics.garment4d import MODEL
-from drapeline.metrics.predictions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction, first_reconstructions, load_reconstruction
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.sequence import vertex_errors_mm
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.registration.to_template.garment_space import load_space
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import (
     GridCell,
@@ -25,10 +27,11 @@ from drapeline.rendering.pictures import (
     save_animation,
     save_grid,
 )
-from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.rendering.raytracer import ColouredMesh, ray_share
 from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY, garment_colour
 from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale, worn_parts
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
+from drapeline.report.tables import read_test_metrics
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
@@ -475,3 +478,50 @@ def _draw_bar(axes: Axes, row: pd.Series, place: int, digits: int) -> None:
         axes.plot([row["low"], row["high"]], [place, place], color=INK, linewidth=1.2)
     end = row["high"] if measured else row["value"]
     label_bar(axes, end, place, f"{row['value']:.{digits}f}")
+
+
+def plot_reconstructions(job: Job) -> None:
+    """From points to the garment, and reconstructions, as figures 4 and 5 of the paper."""
+    printed, ours = zip(*first_reconstructions(job.input.evaluated), strict=True)
+    with ray_share(job.params.rays):
+        for path, plot, sequences, shown in (
+            (job.output.steps, plot_steps, printed, 2),
+            (job.output.results, plot_results, ours, 5),
+        ):
+            cases = map(load_reconstruction, sequences)
+            plot(path, [(case, spread_frames(len(case.final), shown)) for case in cases])
+
+
+_ANIMATED_FRAMES = 24
+_PER_FRAME = (
+    *("proposal", "final", "true", "points", "labels", "body"),
+    *("root_rotation", "root_height", "number"),
+)
+
+
+def animate_reconstruction(job: Job) -> None:
+    """The first reconstruction in motion."""
+    _, ours = first_reconstructions(job.input.evaluated)[0]
+    shown = load_reconstruction(ours)
+    frames = {name: getattr(shown, name)[:_ANIMATED_FRAMES] for name in _PER_FRAME}
+    with ray_share(job.params.rays):
+        animate_steps(job.output[0], replace(shown, **frames))
+
+
+def plot_spaces(job: Job) -> None:
+    """Principal components of each type: how much they explain, and the first ones."""
+    spaces = {
+        garment: load_space(Path(folder) / "space.npz") for garment, folder in job.input.items()
+    }
+    plot_explained(job.output.explained, spaces)
+    with ray_share(job.params.rays):
+        plot_modes(job.output.modes, spaces)
+
+
+def plot_curves(job: Job) -> None:
+    """Figures 6 and 8 to 10 of the paper."""
+    rows = read_test_metrics(job.input.metrics, [MODEL])
+    plot_ablation(job.output.ablation, rows, job.params.garment)
+    plot_neighbour_curve(job.output.neighbours, rows)
+    plot_missing_curve(job.output.missing, rows)
+    plot_accuracy_curve(job.output.accuracy, rows)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from drapeline.job import Job
 from drapeline.metrics.garment4d import MODEL
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.registration.error_table import FILE_NAME
 from drapeline.report.html import Cell
 from drapeline.report.registration_table import ERRORS, errors_by_type, summarise_errors
 from drapeline.report.tables import (
@@ -280,3 +282,11 @@ def _registration(errors: Sequence[Table]) -> list[dict[str, object]]:
         return f"{title} (mm)", Cell(text, "number", verdict)
 
     return errors_by_type(summarise_errors(pd.concat(errors), "template"), cell)
+
+
+def tabulate(job: Job) -> None:
+    """Tables 2 to 4, and our numbers beside the paper's."""
+    given = job.input
+    errors = [Path(fits) / FILE_NAME for fits in given.fits]
+    write_garment4d_page(job.output.page, given.metrics, errors, job.params.departures)
+    write_garment4d_beside_paper(job.output.table, given.metrics)

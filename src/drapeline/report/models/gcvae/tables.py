@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+from drapeline.job import Job
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS
@@ -150,3 +151,9 @@ def write_gcvae_beside_paper(path: str | Path, metrics: str | Path) -> None:
 
 def _measured(metrics: str | Path) -> Table:
     return with_mean_of_types(read_test_metrics(metrics, _MODELS))
+
+
+def tabulate(job: Job) -> None:
+    """Tables 3 and 4 of the CLOTH3D paper for our garment VAEs."""
+    write_gcvae_page(job.output.page, job.input.metrics)
+    write_gcvae_beside_paper(job.output.table, job.input.metrics)

@@ -10,6 +10,7 @@ from PIL import Image
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
+from drapeline.job import Job
 from drapeline.metrics.garment import distances_mm
 from drapeline.metrics.predictions import (
     BODY_PIXEL,
@@ -20,6 +21,7 @@ from drapeline.metrics.predictions import (
     PersonShown,
     RebuiltGarment,
     WornGarment,
+    load_fitted_picture,
 )
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.camera import Camera, facing_direction
@@ -31,8 +33,9 @@ from drapeline.rendering.pictures import (
     save_grid,
     text_card,
 )
-from drapeline.rendering.raytracer import raytrace
+from drapeline.rendering.raytracer import ray_share, raytrace
 from drapeline.report.colours import garment_colour
+from drapeline.report.models.garment4d.figures import spread_frames
 from drapeline.report.models.scene import (
     Scene,
     View,
@@ -314,3 +317,11 @@ def _centre(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     place = ((size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2)
     sheet.paste(Image.fromarray(image).resize(inner, Image.Resampling.LANCZOS), place)
     return np.asarray(sheet)
+
+
+def plot_evaluated_pictures(job: Job) -> None:
+    """Garments found in pictures of held-out samples, some of them."""
+    files = sorted(Path(job.input.evaluated).glob("*.npz"))
+    shown = [files[k] for k in spread_frames(len(files), job.params.most)]
+    with ray_share(job.params.rays):
+        plot_known_pictures(job.output[0], [load_fitted_picture(file) for file in shown])

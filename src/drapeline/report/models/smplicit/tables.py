@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drapeline.job import Job
 from drapeline.metrics.registry import variants
 from drapeline.metrics.smplicit import MODEL
 from drapeline.report.html import Cell, html_table, write_page
@@ -249,3 +250,17 @@ def _number(text: str, digits: int) -> Cell:
 def _mean(values: Sequence[float] | np.ndarray, digits: int) -> Cell:
     known = [value for value in values if np.isfinite(value)]
     return Cell(f"{np.mean(known):.{digits}f}" if known else "-", "number")
+
+
+def tabulate(job: Job) -> None:
+    """How well SMPLicit holds held-out garments."""
+    write_smplicit_page(job.output[0], job.input.metrics)
+
+
+def tabulate_gallery(job: Job) -> None:
+    """What codes say about garments."""
+    galleries = dict(
+        zip(job.params.models, map(read_gallery_tables, job.input.galleries), strict=True)
+    )
+    write_gallery_page(job.output.page, galleries)
+    write_correlations(job.output.table, galleries)

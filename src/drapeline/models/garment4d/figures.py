@@ -1,30 +1,26 @@
-"""Rule `plot_skinning`: figure 7, what interpolated skinning weights do for a skirt."""
-
-from typing import TYPE_CHECKING
+"""Figures of Garment4D that its own code is needed for."""
 
 import numpy as np
 
-from drapeline.bodies.model import load_body, posed_vertices
+from drapeline.bodies.model import load_bodies, posed_vertices
 from drapeline.dataset.splits import SPLITS
-from drapeline.frames import GENDERS
+from drapeline.job import Job
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.data import BodySequences, BodySet, propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d.figures import SkinnedTwice, plot_neighbours
-from drapeline.rule_log import rule_log
-
-if TYPE_CHECKING:
-    from snakemake.iocontainers import snakemake
 
 _ROWS = 2
 _HIP_AND_KNEE = slice(3, 18)  # what pulls a skirt apart
 
-with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
-    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
-    data = SequenceData(snakemake.input.data)
+
+def plot_skinning(job: Job) -> None:
+    """A garment skinned to the nearest vertex and to many, as figure 7 of the paper."""
+    bodies = load_bodies(job.input)
+    data = SequenceData(job.input.data)
     sequences = BodySequences(data, BodySet(bodies, 1))
-    many = SkinningSettings(**snakemake.params.skinning)
+    many = SkinningSettings(**job.params.skinning)
     cases = []
     order = [row for split in reversed(SPLITS) for row in data.of_split(split)]
     # Simulated samples first; the sort keeps the order of the splits.
@@ -49,4 +45,5 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
                 float(-vertices[:, 2].min()),
             )
         )
-    plot_neighbours(snakemake.output[0], cases, many.neighbours)
+    with ray_share(job.params.rays):
+        plot_neighbours(job.output[0], cases, many.neighbours)

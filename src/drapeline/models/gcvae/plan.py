@@ -1,0 +1,452 @@
+"""What an experiment does with the garment VAEs."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
+from drapeline.models.gcvae.settings import (
+    DVAE_VARIANTS,
+    DYNAMIC_PPCA,
+    STATIC_PPCA,
+    SVAE_VARIANTS,
+    GcvaeSettings,
+    dynamic_conditions,
+    pooling_of,
+)
+from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.training.settings import override_settings
+
+_HERE = "drapeline.models.gcvae"
+_ABLATIONS = "metrics_gcvae_ablations"
+# Evaluated by default, beside the trivial predictions.
+_DEFAULT = {"svae", STATIC_PPCA, "dvae_unposed_4", DYNAMIC_PPCA}
+
+
+class _Tasks:
+    """Tasks by kind, for the experiment with these files."""
+
+    def __init__(self, files: ExperimentFiles) -> None:
+        self.files, self.settings = files, files.config["gcvae"]
+        self.folder, self.seed = f"{files.results}/gcvae", files.config["seed"]
+        # The static model whose codes the dynamic ones are conditioned on.
+        self.static = f"{self.folder}/{self.settings['dvae']['static_model']}"
+        # The one that figures and samples are made with.
+        self.shown = self.settings["sampling"]["variant"]
+
+    def trainings(self) -> dict[str, Task]:
+        """Of conditionings, VAEs and PCA."""
+        return {
+            "conditioning/static": self._conditioning_static(),
+            **{name: self._svae(name) for name in SVAE_VARIANTS},
+            STATIC_PPCA: self._static_ppca(),
+            **{
+                f"conditioning/{version}_{frames}": self._conditioning_dynamic(version, frames)
+                for version, frames in map(dynamic_conditions, DVAE_VARIANTS)
+            },
+            **{name: self._dvae(name) for name in DVAE_VARIANTS},
+            DYNAMIC_PPCA: self._dynamic_ppca(),
+        }
+
+    def _conditioning(self, model: str) -> dict[str, Any]:
+        """Settings of the autoencoder of the svae's or the dvae's conditions."""
+        return {
+            "condition": self.settings[model]["network"]["condition"],
+            "training": {**self.settings["conditioning"], "seed": self.seed},
+        }
+
+    def _conditioning_static(self) -> Task:
+        return Task(
+            f"{_HERE}.train:train_svae_conditioning",
+            {"data": self.files.static},
+            {"settings": self._conditioning("svae")},
+            seconds=6 * self.files.static_size,
+            megabytes=2000,
+            checks=[self.files.resting_in("train", "val")],
+        )
+
+    def _conditioning_dynamic(self, version: str, frames: int) -> Task:
+        return Task(
+            f"{_HERE}.train:train_dvae_conditioning",
+            {"data": self.files.dynamic(version), "static": self.static},
+            {"settings": self._conditioning("dvae"), "frames": frames},
+            seconds=10 * self.files.moving_size,
+            megabytes=2000,
+            checks=[self.files.moving_in("train", "val")],
+        )
+
+    def _vae(self, model: str, run: str, told: Mapping[str, Any], **given: Any) -> Task:
+        """A training of the paper's svae or dvae, in one of its variants."""
+        own = self.settings[model]
+        width = own["network"]["widths"][0] / 8
+        garments = (
+            len(self.files.resting_plans)
+            if model == "svae"
+            else self.files.moving_frames / own["frame_step"]
+        )
+        return Task(
+            f"{_HERE}.train:{run}",
+            {**self.files.super_bodies, "topology": self.files.topology, **given},
+            {**told, "trainer": self.settings["trainer"]},
+            seconds=0.025 * own["training"]["epochs"] * garments * width,
+            megabytes=500 + 60 * own["training"]["batch"] * width,
+            checks=[
+                (self.files.resting_in if model == "svae" else self.files.moving_in)("train", "val")
+            ],
+            parallel=True,
+            gpus=self.files.gpus("gcvae"),
+        )
+
+    def _vae_settings(self, model: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+        own = self.settings[model]
+        return override_settings(
+            {
+                "network": own["network"],
+                "loss": self.settings["loss"],
+                "training": {**own["training"], "seed": self.seed},
+            },
+            changes,
+        )
+
+    def _svae(self, name: str) -> Task:
+        return self._vae(
+            "svae",
+            "train_svae",
+            {"settings": self._vae_settings("svae", SVAE_VARIANTS[name])},
+            data=self.files.static,
+            hierarchy=self.files.hierarchy(pooling_of(name)),
+            conditioning=f"{self.folder}/conditioning/static",
+        )
+
+    def _dvae(self, name: str) -> Task:
+        version, frames = dynamic_conditions(name)
+        return self._vae(
+            "dvae",
+            "train_dvae",
+            {"settings": self._vae_settings("dvae", DVAE_VARIANTS[name]), "frames": frames},
+            data=self.files.dynamic(version),
+            static=self.static,
+            hierarchy=self.files.hierarchy("segments"),
+            conditioning=f"{self.folder}/conditioning/{version}_{frames}",
+        )
+
+    def _ppca(self, model: str) -> dict[str, Any]:
+        """Settings of the PCA that the svae or dvae is compared with: codes of the same size."""
+        return {"latent": self.settings[model]["network"]["latent"], "seed": self.seed}
+
+    def _static_ppca(self) -> Task:
+        size = self.files.static_size
+        return Task(
+            f"{_HERE}.train:fit_static_ppca",
+            {
+                **self.files.super_bodies,
+                "topology": self.files.topology,
+                "hierarchy": self.files.hierarchy("segments"),
+                "data": self.files.static,
+            },
+            {"settings": self._ppca("svae")},
+            seconds=40 * size,
+            megabytes=2000 + 300 * size,
+            checks=[self.files.resting_in("train", "val")],
+            parallel=True,
+        )
+
+    def _dynamic_ppca(self) -> Task:
+        version, frames = dynamic_conditions(DYNAMIC_PPCA)
+        size = self.files.moving_size
+        return Task(
+            f"{_HERE}.train:fit_dynamic_ppca",
+            {
+                **self.files.super_bodies,
+                "topology": self.files.topology,
+                "hierarchy": self.files.hierarchy("segments"),
+                "data": self.files.dynamic(version),
+                "static": self.static,
+            },
+            {"settings": self._ppca("dvae"), "frames": frames},
+            seconds=90 * size,
+            megabytes=3000 + 100 * size,
+            checks=[self.files.moving_in("train", "val")],
+            parallel=True,
+        )
+
+    def evaluations(self) -> dict[str, Evaluation]:
+        """Of trivial predictions and trained models, and the comparisons with other models."""
+        always = ("metrics", _ABLATIONS)
+        found = {
+            "baselines": Evaluation(self._baselines(), always),
+            "dynamic_baselines": Evaluation(self._dynamic_baselines(), always),
+        }
+        for names, task in (
+            ((*SVAE_VARIANTS, STATIC_PPCA), self._evaluate_static),
+            ((*DVAE_VARIANTS, DYNAMIC_PPCA), self._evaluate_dynamic),
+        ):
+            for name in names:
+                found[name] = Evaluation(task(name), always if name in _DEFAULT else (_ABLATIONS,))
+        found["representations"] = Evaluation(self._compare(), ("representations",))
+        if self.files.scanned:
+            found["scans"] = Evaluation(self._fit_scans(), ("scans",))
+        return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
+
+    def _baselines(self) -> Task:
+        size = self.files.static_size
+        return Task(
+            f"{_HERE}.evaluate:evaluate_baselines",
+            {
+                **self.files.super_bodies,
+                "topology": self.files.topology,
+                "data": self.files.static,
+            },
+            {
+                "splits": EVALUATED_SPLITS,
+                "components": self.settings["evaluation"]["pca_components"],
+                "seed": self.seed,
+            },
+            seconds=35 * size,
+            megabytes=500 + 100 * size,
+            parallel=True,
+        )
+
+    def _dynamic_baselines(self) -> Task:
+        size = self.files.moving_size
+        return Task(
+            f"{_HERE}.evaluate:evaluate_dynamic_baselines",
+            {
+                **self.files.registered_samples,
+                **self.files.super_bodies,
+                "topology": self.files.topology,
+            },
+            {
+                "splits": EVALUATED_SPLITS,
+                "step": self.settings["dvae"]["frame_step"],
+                "seed": self.seed,
+            },
+            seconds=32 * size,
+            megabytes=700 + 50 * size,
+            parallel=True,
+        )
+
+    def _evaluate_static(self, name: str) -> Task:
+        size = self.files.static_size
+        return Task(
+            f"{_HERE}.evaluate:evaluate_static",
+            {"model": f"{self.folder}/{name}", "data": self.files.static},
+            {"variant": name, "splits": EVALUATED_SPLITS},
+            seconds=22 * size,
+            megabytes=700 + 100 * size,
+            parallel=True,
+        )
+
+    def _evaluate_dynamic(self, name: str) -> Task:
+        version, frames = dynamic_conditions(name)
+        size = self.files.moving_size
+        return Task(
+            f"{_HERE}.evaluate:evaluate_dynamic",
+            {
+                **self.files.registered_samples,
+                **self.files.super_bodies,
+                "topology": self.files.topology,
+                "model": f"{self.folder}/{name}",
+                "data": self.files.dynamic(version),
+                "static": self.static,
+            },
+            {"variant": name, "splits": EVALUATED_SPLITS, "frames": frames},
+            seconds=50 * size,
+            megabytes=800 + 50 * size,
+            parallel=True,
+        )
+
+    def _static_models(self) -> list[str]:
+        return [f"{self.folder}/svae", f"{self.folder}/{STATIC_PPCA}"]
+
+    def _compare(self) -> Task:
+        return Task(
+            f"{_HERE}.evaluate:compare_codes",
+            {
+                "models": self._static_models(),
+                "data": self.files.static,
+                "outfits": self.files.outfits_at_rest,
+            },
+            {
+                "components": self.settings["evaluation"]["pca_components"],
+                "garments": self.files.compared_garments,
+                "split": EVALUATED_SPLITS[0],
+                "seed": self.seed,
+            },
+            seconds=1200,
+            megabytes=2500,
+            checks=[self.files.resting_in(*EVALUATED_SPLITS)],
+        )
+
+    def _fit_scans(self) -> Task:
+        return Task(
+            f"{_HERE}.evaluate:fit_codes_to_scans",
+            {
+                **self.files.bodies,
+                **self.files.known_scans,
+                "models": self._static_models(),
+            },
+            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            seconds=4800,
+            megabytes=2500,
+        )
+
+    def samples(self) -> dict[str, Task]:
+        """Garments of codes that are drawn."""
+        asked, config = self.settings["sampling"], self.files.config
+        keys = ("count", "garments", "female_share", "shape", "tightness")
+        return {
+            "sampled": Task(
+                f"{_HERE}.sample:sample_garments_of_codes",
+                {**self.files.bodies, "model": f"{self.folder}/{self.shown}"},
+                {
+                    "seed": self.seed,
+                    "conditions": {
+                        **{key: asked[key] for key in keys},
+                        "shape_range": config["body"]["shape_range"],
+                        "tightness_range": config["outfits"]["tightness_range"],
+                    },
+                    "settle": asked["settle"],
+                },
+                seconds=600,
+                megabytes=2000,
+            )
+        }
+
+    def figures(self) -> dict[str, Figure]:
+        """Tables 3 and 4 of the paper, figures 7 to 10, and samples."""
+        bodies, evaluated = self.files.bodies, f"{self.folder}/evaluated"
+        model, codes = f"{self.folder}/{self.shown}", f"{evaluated}/{self.shown}"
+        moving = {
+            **self.files.registered_samples,
+            **{f"super_{gender}": path for gender, path in self.files.super_bodies.items()},
+            **bodies,
+            "topology": self.files.topology,
+            "dvae": f"{self.folder}/{DYNAMIC_PPCA}",
+            "dynamic": self.files.dynamic(dynamic_conditions(DYNAMIC_PPCA)[0]),
+            "static": self.static,
+        }
+        frames = dynamic_conditions(DYNAMIC_PPCA)[1]
+        return {
+            "tabulate_gcvae": self._tables("metrics", "gcvae_metrics"),
+            "tabulate_gcvae_ablations": self._tables(_ABLATIONS, "gcvae_ablations")._replace(
+                default=False
+            ),
+            "plot_gcvae_samples": self._plot(
+                "plot_sampled",
+                {**bodies, "samples": f"{self.folder}/sampled"},
+                {"shown": 24},
+                picture=Shown("gcvae_samples.png", "sampled garments", "gcvae_samples"),
+            ),
+            **{
+                f"plot_gcvae_codes_{name}": self._plot(
+                    "plot_evaluated_codes",
+                    {"evaluated": f"{evaluated}/{name}"},
+                    {},
+                    picture=Shown(
+                        f"gcvae_codes_{name}.png",
+                        f"figure 8: codes of static garments ({name})",
+                        "gcvae_codes",
+                    ),
+                )
+                for name in ("svae", STATIC_PPCA)
+            },
+            "plot_gcvae_walks": self._plot(
+                "plot_walks",
+                {**bodies, "model": model, "evaluated": codes, "data": self.files.static},
+                {"steps": 7, "frames": 24},
+                sheet=Shown("gcvae_walks.png", "figure 9: transitions", "gcvae_walks"),
+                moving=Shown(
+                    "gcvae_walk_moving.png", "figure 9: a transition in motion", "gcvae_walks"
+                ),
+            ),
+            "plot_gcvae_errors": self._plot(
+                "plot_errors",
+                {
+                    **moving,
+                    "svae": model,
+                    "evaluated": codes,
+                    "data": self.files.static,
+                    "outfits": self.files.outfits_at_rest,
+                },
+                {"frames": frames},
+                checks=[self.files.resting_in(*EVALUATED_SPLITS)],
+                picture=Shown(
+                    "gcvae_errors.png",
+                    "figure 7: reconstructions and their errors",
+                    "gcvae_errors",
+                ),
+            ),
+            "plot_gcvae_wrinkles": self._plot(
+                "plot_wrinkles",
+                moving,
+                {"frames": frames, "columns": 6, "seed": self.seed},
+                picture=Shown(
+                    "gcvae_wrinkles.png", "figure 10: wrinkle codes elsewhere", "gcvae_wrinkles"
+                ),
+            ),
+        }
+
+    def _tables(self, table: str, name: str) -> Figure:
+        return Figure(
+            Task(
+                "drapeline.report.models.gcvae.tables:tabulate",
+                {"metrics": self.files.metrics(table)},
+                {},
+                seconds=60,
+                megabytes=300,
+                environment="report",
+            ),
+            {
+                "page": Shown(f"{name}.html", f"tables 3 and 4 ({table})", "gcvae_tables"),
+                "table": f"{name}_beside_paper.tsv",
+            },
+        )
+
+    def _plot(
+        self,
+        run: str,
+        given: Mapping[str, Any],
+        told: Mapping[str, Any],
+        checks: list[Any] | None = None,
+        **output: Shown,
+    ) -> Figure:
+        return Figure(
+            Task(
+                f"{_HERE}.figures:{run}",
+                given,
+                {**told, "rays": self.files.config["renders"]["rays"]},
+                seconds=600,
+                megabytes=2000,
+                checks=checks or [],
+            ),
+            output,
+        )
+
+    def targets(self) -> dict[str, list[str]]:
+        """Every row of tables 3a and 4; and new garments."""
+        report = f"{self.files.results}/report"
+        return {
+            "sample_garments": [f"{self.folder}/sampled"],
+            "gcvae_ablations": [self.files.metrics(_ABLATIONS), f"{report}/gcvae_ablations.html"],
+        }
+
+
+def _plan(files: ExperimentFiles) -> ModelPlan:
+    tasks = _Tasks(files)
+    return ModelPlan(
+        data={},
+        trainings=tasks.trainings(),
+        evaluations=tasks.evaluations(),
+        samples=tasks.samples(),
+        figures=tasks.figures(),
+        targets=tasks.targets(),
+    )
+
+
+MODEL = Model(
+    "gcvae",
+    "Garment VAE",
+    GcvaeSettings,
+    _plan,
+    loaders={name: f"{_HERE}.static_model:StaticModel" for name in ("static", "static_ppca")},
+)

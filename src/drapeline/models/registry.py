@@ -1,0 +1,148 @@
+"""The models that an experiment has: those that come along, and those of other packages.
+
+Another package adds a model by an entry point of the group `drapeline.models`, which names a
+`Model`:
+
+    [project.entry-points."drapeline.models"]
+    mine = "mine.plan:MODEL"
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any, NamedTuple
+
+from drapeline.errors import InputError
+from drapeline.experiment.files import ExperimentFiles
+from drapeline.settings import Settings
+
+ENTRY_POINTS = "drapeline.models"
+_OURS = ("gcvae", "garment4d", "smplicit")
+
+
+class Task(NamedTuple):
+    """What one job of a model does.
+
+    Attributes:
+        run: `package.module:function`, which takes a `drapeline.job.Job`; another code of it makes
+            the job run again.
+        input: files by name.
+        params: what else the function is told, JSON values; others make the job run again.
+        seconds, megabytes: that it takes, for clusters.
+        checks: raise an `InputError` where the experiment's plan is not enough for the task.
+        modules: that the function imports by names which it is told.
+        environment: file of `envs/` without its suffix.
+        parallel: whether it has use for more than one thread.
+        gpus: to ask a cluster for.
+    """
+
+    run: str
+    input: Mapping[str, str | Sequence[str]]
+    params: Mapping[str, Any]
+    seconds: float
+    megabytes: float
+    checks: Sequence[Callable[[], None]] = ()
+    modules: Sequence[str] = ()
+    environment: str = "train"
+    parallel: bool = False
+    gpus: int = 0
+
+
+class Evaluation(NamedTuple):
+    """A task that leaves a folder with `metrics.tsv`, and whatever its figures are drawn from.
+
+    Attributes:
+        task: measures.
+        tables: of metrics that its rows belong to: "metrics" is shown by default,
+            "representations" and "scans" compare all models.
+    """
+
+    task: Task
+    tables: Sequence[str]
+
+
+class Shown(NamedTuple):
+    """A page or picture of the report.
+
+    Attributes:
+        file: its name in the folder `report` of the results.
+        title: says what it shows.
+        caption: reStructuredText file.
+    """
+
+    file: str
+    title: str
+    caption: str
+
+
+class Figure(NamedTuple):
+    """A task that draws pages or pictures of the report.
+
+    Attributes:
+        task: draws.
+        output: name -> what is drawn; a bare file is made beside the report's.
+        default: whether every experiment has it.
+    """
+
+    task: Task
+    output: Mapping[str, Shown | str]
+    default: bool = True
+
+
+class ModelPlan(NamedTuple):
+    """What an experiment does with a model, each task by the folder that it leaves.
+
+    Folders are named within the model's own, `<results>/<model>/`.
+
+    Attributes:
+        data: collected for trainings.
+        trainings: by any way of learning.
+        evaluations: of what was trained, and of what it is compared with.
+        samples: of what was trained.
+        figures: by the names of their rules.
+        targets: name of a rule that gathers more -> files.
+        priority: of its jobs where several models' could run.
+    """
+
+    data: Mapping[str, Task]
+    trainings: Mapping[str, Task]
+    evaluations: Mapping[str, Evaluation]
+    samples: Mapping[str, Task]
+    figures: Mapping[str, Figure]
+    targets: Mapping[str, Sequence[str]]
+    priority: int = 0
+
+
+class Model(NamedTuple):
+    """A model as the rest of the project knows it.
+
+    Attributes:
+        name: of its block in a config, and of its folder of results.
+        title: of its part of the report.
+        settings: the block.
+        plan: what an experiment does with it.
+        loaders: `checkpoint_type` -> `package.module:class`, which takes the folder of a training.
+    """
+
+    name: str
+    title: str
+    settings: type[Settings]
+    plan: Callable[[ExperimentFiles], ModelPlan]
+    loaders: Mapping[str, str]
+
+
+@cache
+def models() -> dict[str, Model]:
+    """All models by name, ours first.
+
+    Raises:
+        InputError: two have one name.
+    """
+    ours = [import_module(f"drapeline.models.{name}.plan").MODEL for name in _OURS]
+    found: dict[str, Model] = {}
+    for model in (*ours, *(point.load() for point in entry_points(group=ENTRY_POINTS))):
+        if model.name in found:
+            raise InputError(f"two models are called '{model.name}', expected names of their own")
+        found[model.name] = model
+    return found

@@ -1,0 +1,399 @@
+"""What an experiment does with SMPLicit."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from drapeline.errors import InputError
+from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
+from drapeline.models.smplicit.settings import SmplicitSettings
+
+_HERE = "drapeline.models.smplicit"
+_PAGES = "drapeline.report.models.smplicit"
+_SHEETS = {
+    "samples": "sampled garments",
+    "prototypes": "prototypes",
+    "transitions": "between prototypes",
+    "axes": "principal axes of the cut",
+    "bodies": "one garment on five bodies",
+    "edits": "single properties edited",
+}
+
+
+class SmplicitFiles:
+    """Files that SMPLicit has of its own, and what its jobs are told alike.
+
+    Args:
+        files: of the experiment.
+    """
+
+    def __init__(self, files: ExperimentFiles) -> None:
+        self._files = files
+        self.settings = files.config["smplicit"]
+        self.folder = f"{files.results}/smplicit"
+        # Names of its models, one for each region of the body.
+        self.names = self.settings["models"]
+        self.models = [f"{self.folder}/{name}" for name in self.names]
+        self.fields = f"{self.folder}/fields/{{group}}/{{shard}}.npz"
+
+    def draping(self, fit: str) -> dict[str, Any]:
+        """What a fit is told, which lets the decoded garments hang on people.
+
+        Args:
+            fit: "fit_images" or "fit_scans", a block of the settings.
+        """
+        config = self._files.config
+        return {
+            "fit": self.settings[fit],
+            "meshing": self.settings["meshing"],
+            "solver": self._files.hanging_solver,
+            "hanging": {
+                "edge_length_m": config["outfits"]["edge_length_m"],
+                "simulation": config["simulation"]["settings"],
+            },
+            "seed": config["seed"],
+        }
+
+    def knows(self, planned: SamplePlan) -> bool:
+        """Whether a planned sample wears a garment that one of the models learns."""
+        garments = planned.outfit_type.split("+")
+        return any(MODEL_OF_GARMENT[garment] in self.names for garment in garments)
+
+
+class _Tasks:
+    """Tasks by kind, for the experiment with these files."""
+
+    def __init__(self, files: ExperimentFiles) -> None:
+        self.files, self.own = files, SmplicitFiles(files)
+        self.settings, self.folder = self.own.settings, self.own.folder
+        self.seed, self.gallery = files.config["seed"], self.settings["gallery"]
+        self.rays = {"rays": files.config["renders"]["rays"]}
+
+    def data(self) -> dict[str, Task]:
+        """Distance fields of the garments of each model."""
+        size = self.files.static_size
+        return {
+            f"data/{name}": Task(
+                "drapeline.learning_data.garment_fields:collect",
+                {
+                    **self.files.bodies,
+                    "shards": self.files.per_shard(self.own.fields, self.files.resting),
+                },
+                {
+                    "garments": model.garments,
+                    "resolution": self.settings["data"]["resolution"],
+                    "clusters": self.settings["data"]["clusters"],
+                },
+                seconds=2 * size,
+                megabytes=200 * size,
+                checks=[self.files.resting_in("train", "val")],
+                environment="geometry",
+            )
+            for name, model in FIELD_MODELS.items()
+        }
+
+    def trainings(self) -> dict[str, Task]:
+        """Of each model."""
+        settings, outfits = self.settings, len(self.files.resting_plans)
+        found = {}
+        for name, model in FIELD_MODELS.items():
+            training = {**settings["training"], "seed": self.seed}
+            training["space"] *= model.space_share
+            found[name] = Task(
+                f"{_HERE}.train:train",
+                {
+                    **self.files.bodies,
+                    "data": f"{self.folder}/data/{name}",
+                    # The file that the image encoder starts from, if there is one.
+                    "weights": settings["network"]["encoder_weights"] or [],
+                },
+                {
+                    "name": name,
+                    "settings": {
+                        "network": settings["network"],
+                        "loss": settings["loss"],
+                        "training": training,
+                    },
+                    "trainer": settings["trainer"],
+                },
+                seconds=0.004 * training["epochs"] * training["visits"] * outfits,
+                megabytes=700 + 20 * self.files.static_size,
+                parallel=True,
+                gpus=self.files.gpus("smplicit"),
+            )
+        return found
+
+    def evaluations(self) -> dict[str, Evaluation]:
+        """Of each model, in pictures of people, and the comparisons with other models."""
+        found = {
+            name: Evaluation(self._evaluate(name), ("metrics",) if name in self.own.names else ())
+            for name in FIELD_MODELS
+        }
+        published, others = self._pictured()
+        if published or others:
+            found["images"] = Evaluation(self._find_in_pictures(published, others), ("metrics",))
+        # Types on which all models are compared, as far as a model here has learned them.
+        compared = [
+            garment
+            for garment in self.files.compared_garments
+            if MODEL_OF_GARMENT[garment] in self.own.names
+        ]
+        if compared:
+            found["representations"] = Evaluation(self._compare(compared), ("representations",))
+        if self.files.scanned:
+            found["scans"] = Evaluation(self._fit_scans(), ("scans",))
+        return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
+
+    def _evaluate(self, name: str) -> Task:
+        return Task(
+            f"{_HERE}.evaluate:evaluate",
+            {
+                "model": f"{self.folder}/{name}",
+                "data": f"{self.folder}/data/{name}",
+                "outfits": self.files.outfits_at_rest,
+            },
+            {
+                "split": EVALUATED_SPLITS[0],
+                "meshing": self.settings["meshing"],
+                "fit": self.settings["evaluation"],
+                "seed": self.seed,
+            },
+            seconds=120 * self.files.static_size,
+            megabytes=2500,
+            parallel=True,
+        )
+
+    def _pictured(self) -> tuple[list[str], list[str]]:
+        """Held-out samples whose garments are looked for in pictures of them.
+
+        Of those that are published any will do; of each other group some are taken.
+        """
+        split, published = EVALUATED_SPLITS[0], {group.name for group in self.files.published}
+        count = self.settings["evaluate_images"]["others"]
+        some = self.files.first_of_split(count, split, self.own.knows)
+        return (
+            [
+                plan.sample
+                for group in self.files.published
+                for plan in group.plans
+                if plan.split == split and self.own.knows(plan)
+            ],
+            [one for one in some if self.files.places[one]["group"] not in published],
+        )
+
+    def _find_in_pictures(self, published: list[str], others: list[str]) -> Task:
+        asked = self.settings["evaluate_images"]
+        return Task(
+            f"{_HERE}.pictures.evaluate:evaluate_images",
+            {
+                "models": self.own.models,
+                "samples": self.files.shards_of(self.files.samples, published + others),
+            },
+            {
+                **self.own.draping("fit_images"),
+                "split": EVALUATED_SPLITS[0],
+                "samples": published,
+                "pictures": asked["count"],
+                "others": others,
+                "size_px": asked["size_px"],
+            },
+            seconds=30 * (asked["count"] + len(others)),
+            megabytes=2000,
+            modules=[self.files.hanging_solver],
+        )
+
+    def _compare(self, garments: list[str]) -> Task:
+        models = sorted({MODEL_OF_GARMENT[garment] for garment in garments})
+        return Task(
+            f"{_HERE}.representation:compare_codes",
+            {
+                "evaluated": [f"{self.folder}/evaluated/{name}" for name in models],
+                "data": self.files.static,
+                "outfits": self.files.outfits_at_rest,
+            },
+            {"garments": garments, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            seconds=1200,
+            megabytes=1300,
+            checks=[self.files.resting_in(*EVALUATED_SPLITS)],
+        )
+
+    def _fit_scans(self) -> Task:
+        return Task(
+            f"{_HERE}.scans.garments:fit_to_scans",
+            {**self.files.known_scans, "models": self.own.models},
+            {
+                **self.own.draping("fit_scans"),
+                "split": EVALUATED_SPLITS[0],
+                "body": self.files.config["scans"]["body"],
+            },
+            seconds=4800,
+            megabytes=2500,
+            modules=[self.files.hanging_solver],
+        )
+
+    def samples(self) -> dict[str, Task]:
+        """Garments sampled, interpolated and edited."""
+        return {
+            f"gallery/{name}": Task(
+                f"{_HERE}.gallery.files:make_gallery",
+                {"model": f"{self.folder}/{name}", "outfits": self.files.outfits_at_rest},
+                {
+                    "samples": self.gallery["count"],
+                    "meshing": self.settings["meshing"],
+                    "seed": self.seed,
+                },
+                seconds=2400,
+                megabytes=2500,
+                parallel=True,
+            )
+            for name in FIELD_MODELS
+        }
+
+    def figures(self) -> dict[str, Figure]:
+        """Held-out garments, those in pictures, and the gallery."""
+        evaluated = f"{self.folder}/evaluated"
+        found = {
+            "tabulate_smplicit": self._figure(
+                f"{_PAGES}.tables:tabulate",
+                {"metrics": self.files.metrics("metrics")},
+                {},
+                "report",
+                page=_shown("metrics.html", "held-out garments through their codes"),
+            ),
+            "plot_smplicit": self._figure(
+                f"{_HERE}.figures:plot_held_out",
+                {
+                    "models": self.own.models,
+                    "data": [f"{self.folder}/data/{name}" for name in self.own.names],
+                    "evaluated": [f"{evaluated}/{name}" for name in self.own.names],
+                    "outfits": self.files.outfits_at_rest,
+                },
+                {"meshing": self.settings["meshing"]},
+                picture=_shown("garments.png", "held-out garments rebuilt from their codes"),
+            ),
+        }
+        if any(self._pictured()):
+            found["plot_fit_images"] = self._figure(
+                f"{_PAGES}.figures:plot_evaluated_pictures",
+                {"evaluated": f"{evaluated}/images"},
+                {"most": 8},
+                "report",
+                picture=_shown("images.png", "garments found in pictures of held-out samples"),
+            )
+        shown = {
+            **{f"plot_smplicit_gallery_{name}": self._sheets(name) for name in FIELD_MODELS},
+            **{f"pose_smplicit_{name}": self._pose(name) for name in FIELD_MODELS},
+            "tabulate_smplicit_gallery": self._codes(),
+        }
+        return {**found, **{name: one._replace(default=False) for name, one in shown.items()}}
+
+    def _sheets(self, name: str) -> Figure:
+        return self._figure(
+            f"{_HERE}.figures:plot_sheets",
+            {**self.files.bodies, "gallery": f"{self.folder}/gallery/{name}"},
+            {},
+            **{
+                sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
+                for sheet, title in _SHEETS.items()
+            },
+        )
+
+    def _pose(self, name: str) -> Figure:
+        config, gallery = self.files.config, self.gallery
+        sample = gallery["sample"] or next(iter(self.files.moving_plans), "")
+        place = self.files.places.get(sample, {"group": "", "shard": ""})
+        drawn = self._figure(
+            f"{_HERE}.figures:pose_garment",
+            {
+                "model": f"{self.folder}/{name}",
+                "gallery": f"{self.folder}/gallery/{name}",
+                "bodies": f"{self.files.results}/bodies/{{group}}/{{shard}}".format(**place),
+            },
+            {
+                **{key: gallery[key] for key in ("frames", "skinning", "push_out", "simulate")},
+                "sample": sample,
+                "solver": self.files.hanging_solver,
+                "edge_length_m": config["outfits"]["edge_length_m"],
+                "simulation": config["simulation"]["settings"],
+                "bounds": config["simulation"]["bounds"],
+                "shown": 6,
+                "meshing": self.settings["meshing"],
+            },
+            sheet=_shown(f"{name}_posed.png", f"a garment posed ({name})", "posed"),
+            moving=_shown(f"{name}_moving.png", f"a garment in motion ({name})", "posed"),
+        )
+        task = drawn.task._replace(
+            modules=[self.files.hanging_solver], checks=[self._require_gallery_sample]
+        )
+        return Figure(task, {**drawn.output, "scene": f"smplicit_{name}.glb"})
+
+    def _require_gallery_sample(self) -> None:
+        """Check that there is the sample whose motion garments are put on."""
+        sample, known = self.gallery["sample"], self.files.moving_plans
+        if sample not in known and (sample or not known):
+            raise InputError(
+                f"smplicit.gallery.sample: '{sample}', expected one of the samples, such as"
+                f" {next(iter(known), None)}"
+            )
+
+    def _codes(self) -> Figure:
+        drawn = self._figure(
+            f"{_PAGES}.tables:tabulate_gallery",
+            {"galleries": [f"{self.folder}/gallery/{name}" for name in self.gallery["models"]]},
+            {"models": self.gallery["models"]},
+            "report",
+            page=_shown("codes.html", "what codes say about garments"),
+        )
+        return drawn._replace(output={**drawn.output, "table": "smplicit_correlations.tsv"})
+
+    def _figure(
+        self,
+        run: str,
+        given: Mapping[str, Any],
+        told: Mapping[str, Any],
+        environment: str = "train",
+        **output: Shown,
+    ) -> Figure:
+        told = {**told, **self.rays}
+        task = Task(run, given, told, seconds=600, megabytes=2000, environment=environment)
+        return Figure(task, output)
+
+    def targets(self) -> dict[str, list[str]]:
+        """Garments sampled, interpolated, edited and posed; and those found in pictures."""
+        report = f"{self.files.results}/report/smplicit"
+        names = [*(f"{sheet}.png" for sheet in _SHEETS), "posed.png", "moving.png"]
+        pictures = {"evaluate_images": [f"{self.folder}/evaluated/images"]}
+        return {
+            **(pictures if any(self._pictured()) else {}),
+            "smplicit_gallery": [
+                f"{report}_codes.html",
+                *(f"{report}_{model}_{name}" for model in self.gallery["models"] for name in names),
+            ],
+        }
+
+
+def _shown(name: str, title: str, caption: str | None = None) -> Shown:
+    return Shown(f"smplicit_{name}", title, f"smplicit_{caption or name.partition('.')[0]}")
+
+
+def _plan(files: ExperimentFiles) -> ModelPlan:
+    tasks = _Tasks(files)
+    return ModelPlan(
+        data=tasks.data(),
+        trainings=tasks.trainings(),
+        evaluations=tasks.evaluations(),
+        samples=tasks.samples(),
+        figures=tasks.figures(),
+        targets=tasks.targets(),
+    )
+
+
+MODEL = Model(
+    "smplicit",
+    "SMPLicit",
+    SmplicitSettings,
+    _plan,
+    loaders={"smplicit": f"{_HERE}.model:SmplicitModel"},
+)

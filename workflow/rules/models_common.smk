@@ -1,0 +1,164 @@
+# The models' plans, and what the rules of their tasks ask of them.
+PLANS = {name: model.plan(FILES) for name, model in MODELS.items()}
+FIGURES = {
+    name: (model, figure)
+    for model, plan in PLANS.items()
+    for name, figure in plan.figures.items()
+}
+# Model -> folder within its own -> the task that leaves it.
+TASKS = {
+    name: {
+        **plan.data,
+        **plan.trainings,
+        **{folder: one.task for folder, one in plan.evaluations.items()},
+        **plan.samples,
+    }
+    for name, plan in PLANS.items()
+}
+DEFAULT_TARGETS += [
+    f"{RESULTS}/report/{getattr(shown, 'file', shown)}"
+    for _, figure in FIGURES.values()
+    for shown in figure.output.values()
+    if figure.default
+]
+
+
+def evaluations_of(table):
+    """The folders of all evaluations whose rows a table of metrics holds."""
+    return [
+        f"{RESULTS}/{name}/{folder}"
+        for name, plan in PLANS.items()
+        for folder, evaluation in plan.evaluations.items()
+        if table in evaluation.tables
+    ]
+
+
+METRIC_TABLES = {
+    table: evaluations_of(table)
+    for plan in PLANS.values()
+    for evaluation in plan.evaluations.values()
+    for table in evaluation.tables
+}
+METRIC_TABLES["metrics"] += [
+    *METRIC_TABLES["representations"],
+    *METRIC_TABLES.get("scans", []),
+]
+
+
+def table_evaluations(wildcards):
+    """Input function: the evaluations whose rows a table holds."""
+    return METRIC_TABLES[wildcards.table]
+
+
+wildcard_constraints:
+    model="|".join(MODELS),
+
+
+def folders(kind):
+    """Constraint of the wildcard `task`: those of a kind, of whatever model."""
+    found = {folder for plan in PLANS.values() for folder in getattr(plan, kind)}
+    return "|".join(map(re.escape, sorted(found)))
+
+
+def task_of(wildcards):
+    """The task that leaves a model's folder."""
+    try:
+        return TASKS[wildcards.model][wildcards.task]
+    except KeyError:
+        raise WorkflowError(
+            f"{wildcards.model} has no '{wildcards.task}', expected one of"
+            f" {', '.join(TASKS[wildcards.model])}"
+        ) from None
+
+
+def checked_input(task):
+    """Files of a task, once the experiment is known to be enough for it."""
+    for check in task.checks:
+        check()
+    return dict(task.input)
+
+
+def task_input(wildcards):
+    """Input function: `checked_input` of a task."""
+    return checked_input(task_of(wildcards))
+
+
+def figure_input(task):
+    """Input function of a figure."""
+
+    def checked(wildcards):
+        return checked_input(task)
+
+    return checked
+
+
+def task_digest(task):
+    """Digest of the code that a task runs."""
+    return source_hash("run_job", task.run, *task.modules)
+
+
+def task_function(wildcards):
+    """Params function: the name of what a task runs."""
+    return task_of(wildcards).run
+
+
+def task_code(wildcards):
+    """Params function: `task_digest` of a task."""
+    return task_digest(task_of(wildcards))
+
+
+def task_told(wildcards):
+    """Params function: what a task is told."""
+    return task_of(wildcards).params
+
+
+def task_progress(wildcards, output):
+    """Params function: where a task keeps its state, which outlives the job."""
+    return str(Path(output[0]).parent / ".progress" / Path(output[0]).name)
+
+
+def task_priority(wildcards):
+    """Priority of a model's tasks."""
+    return PLANS[wildcards.model].priority
+
+
+def task_environment(wildcards):
+    """The environment of a task."""
+    return f"../../envs/{task_of(wildcards).environment}.yaml"
+
+
+def task_threads(wildcards):
+    """Threads of a task."""
+    return NETWORK_THREADS if task_of(wildcards).parallel else 1
+
+
+def task_gpus(wildcards):
+    """GPUs that a task asks for."""
+    return task_of(wildcards).gpus
+
+
+def task_mb(wildcards, attempt):
+    """Resources function: megabytes that a task asks for."""
+    return asked_mb(task_of(wildcards).megabytes, attempt)
+
+
+def task_minutes(wildcards, attempt):
+    """Resources function: minutes that a task asks for."""
+    return asked_minutes(task_of(wildcards).seconds, attempt)
+
+
+def figure_output(model, figure):
+    """Files of a figure, marked for the report."""
+    return {
+        name: (
+            f"{RESULTS}/report/{shown}"
+            if isinstance(shown, str)
+            else report(
+                f"{RESULTS}/report/{shown.file}",
+                caption=f"../report/{shown.caption}.rst",
+                category=MODELS[model].title,
+                labels={"shows": shown.title},
+            )
+        )
+        for name, shown in figure.output.items()
+    }
