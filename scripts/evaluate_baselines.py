@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     data = StaticData(snakemake.input.data)
-    bodies = [load_body(snakemake.input[gender]) for gender in GENDERS]
+    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     topology = load_topology(snakemake.input.topology)
     truth = Truth(
         data.offsets,

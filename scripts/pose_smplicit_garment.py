@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drapeline.bodies.sequence import first_frames, load_body_sequence
-from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.models.smplicit.gallery.files import worn_prototype
 from drapeline.models.smplicit.gallery.motion import SKINNINGS, place_clip, save_clip, worn_clip
@@ -27,10 +26,9 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     wanted = snakemake.params
     model = SmplicitModel(snakemake.input.model)
     record = load_body_sequence(f"{snakemake.input.bodies}/{wanted.sample}.npz")
-    gender = GENDERS[record.gender]
-    wearer, meshing = {"gender": gender, "shape": record.shape}, Meshing(**wanted.meshing)
+    wearer, meshing = {"gender": record.gender, "shape": record.shape}, Meshing(**wanted.meshing)
     name, z, garment = worn_prototype(snakemake.input.gallery, model, meshing, **wearer)
-    worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
+    worn = garment, nearest_type(z, model.codes), model.bodies[record.gender], record
 
     def clip(frames, skinning):
         return worn_clip(*worn, frames, skinning=skinning, push_out=wanted.push_out)

@@ -23,6 +23,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from drapeline.dataset.reader import Cloth3D, Frame, Sample
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.seeding import rng_for
 
 
@@ -178,7 +179,7 @@ class SequenceDataset(Dataset):
             poses=_float(info.poses[part]),
             trans=_float(sample.root_positions(part.start, part.stop)),
             shape=_float(info.shape),
-            gender=torch.tensor(info.gender),
+            gender=torch.tensor(GENDERS.index(info.gender)),
             tightness=_float(np.full(2, np.nan) if info.tightness is None else info.tightness),
         )
 

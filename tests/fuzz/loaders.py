@@ -300,7 +300,7 @@ def _make_info(folder: Path) -> None:
             np.zeros((4, 72)),
             np.zeros((4, 3)),
             np.zeros(10),
-            1,
+            "male",
             0.5,
             {"Top": texture},
             np.zeros(2),

@@ -120,7 +120,7 @@ def first_free_sequence(
     poses: np.ndarray,
     trans: np.ndarray,
     *,
-    gender: int,
+    gender: str,
     reference_leg_length_m: float | None = None,
     removable: str = "hands",
     shape_range: float = 3.0,
@@ -138,7 +138,7 @@ def first_free_sequence(
         shapes: (10,) shape coefficients each, at least one, taken only as far as needed.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the motion's own root joint in metres.
-        gender: 0 female, 1 male.
+        gender: "female" or "male".
         reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
             path is scaled by the ratio of leg lengths. None keeps it.
         removable: what the outfit leaves bare, a key of `REMOVABLE`.

@@ -39,7 +39,7 @@ class BodySequence:
 
     Attributes:
         shape: (10,) float64 shape coefficients, after thinning.
-        gender: 0 female, 1 male.
+        gender: "female" or "male".
         poses: (N, 72) float64 axis-angle, radians.
         trans: (N, 3) float64 world position of the root joint in metres, feet on the floor.
         outcome: "free" of collisions, "solved", "removed" (parts left out), "thinned" or
@@ -58,7 +58,7 @@ class BodySequence:
     """
 
     shape: np.ndarray
-    gender: int
+    gender: str
     poses: np.ndarray
     trans: np.ndarray
     outcome: str
@@ -128,7 +128,7 @@ def collision_faces(body: BodyModel, record: BodySequence) -> np.ndarray:
 
 def save_body_sequence(path: str | Path, record: BodySequence) -> None:
     """Write a `.npz` with one key per field, labels included."""
-    values = asdict(record)
+    values = asdict(record) | {"gender": GENDERS.index(record.gender)}
     labels = values.pop("labels")
     save_npz(path, **values, **labels)
 
@@ -159,7 +159,7 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     values = {
         name: type_(arrays[name]) if type_ in kinds else arrays[name]
         for name, type_ in (own | labels).items()
-    }
+    } | {"gender": GENDERS[int(arrays["gender"])]}
     return BodySequence(
         **{name: values[name] for name in own},
         labels=ClipLabels(**{name: values[name] for name in labels}),

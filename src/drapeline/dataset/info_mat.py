@@ -12,6 +12,7 @@ import numpy as np
 
 from drapeline.dataset.matlab import read_matlab
 from drapeline.errors import DamagedFile
+from drapeline.frames import GENDERS
 from drapeline.storage import atomic_file, check_name
 
 # The 116 free bytes at the start of a MATLAB v5 file. scipy writes the current time there, so that
@@ -28,7 +29,7 @@ class SampleInfo:
             to Z up.
         trans: (N, 3) float64 world position of the root joint in metres.
         shape: (10,) float64 shape coefficients.
-        gender: 0 female, 1 male.
+        gender: "female" or "male".
         zrot: rotation of the whole scene about +Z in radians.
         outfit: garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing
             (test sets of the original), and only textures of type "color" have `data`.
@@ -41,7 +42,7 @@ class SampleInfo:
     poses: np.ndarray
     trans: np.ndarray
     shape: np.ndarray
-    gender: int
+    gender: str
     zrot: float = 0.0
     outfit: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     tightness: np.ndarray | None = None
@@ -101,7 +102,7 @@ def write_info(path: str | Path, info: SampleInfo) -> None:
     if info.tightness is not None:
         fields["tightness"] = np.asarray(info.tightness, np.float64).reshape(1, 2)
     fields["outfit"] = {name: _garment_struct(value) for name, value in info.outfit.items()}
-    fields["gender"] = int(info.gender)
+    fields["gender"] = GENDERS.index(info.gender)
     fields["trans"] = np.asarray(info.trans, np.float64).reshape(-1, 3).T
     fields["poses"] = np.asarray(info.poses, np.float64).reshape(-1, 72).T
     stream = io.BytesIO()
@@ -143,7 +144,7 @@ def read_info(path: str | Path) -> SampleInfo:
         poses=poses,
         trans=trans,
         shape=_columns(path, "shape", values["shape"], 10)[0],
-        gender=int(gender),
+        gender=GENDERS[int(gender)],
         zrot=_zrot(path, values),
         outfit=_outfit(path, values.get("outfit")),
         tightness=None if tightness is None else _columns(path, "tightness", tightness, 2)[0],

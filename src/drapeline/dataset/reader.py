@@ -19,7 +19,7 @@ from drapeline.dataset.record import (
     meta_path,
 )
 from drapeline.errors import InputError
-from drapeline.frames import FPS, GENDERS
+from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
@@ -194,7 +194,7 @@ class Sample:
     @property
     def gender(self) -> str:
         """`"female"` or `"male"`."""
-        return GENDERS[self.info.gender]
+        return self.info.gender
 
     @property
     def split(self) -> str:

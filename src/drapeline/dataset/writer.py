@@ -15,7 +15,7 @@ from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
 from drapeline.errors import InputError
-from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
+from drapeline.frames import FPS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
@@ -99,7 +99,7 @@ def write_sample(
         "body": {
             "model": body.name,
             "fingerprint": body_fingerprint(body),
-            "gender": GENDERS[record.gender],
+            "gender": record.gender,
             "vertices": len(body.v_template),
         },
         "motion": _motion(record),

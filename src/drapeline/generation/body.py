@@ -5,7 +5,6 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import sample_shape
 from drapeline.bodies.sequence import BodySequence, ClipLabels
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.frames import GENDERS
 from drapeline.generation.settings import BodySettings
 from drapeline.motions.motion import Motion
 from drapeline.motions.variation import cut_piece
@@ -31,7 +30,7 @@ def animate(
         (sample_shape(shapes, settings.shape_range) for _ in range(settings.shape_draws)),
         piece.poses,
         piece.trans,
-        gender=GENDERS.index(plan.gender),
+        gender=plan.gender,
         reference_leg_length_m=motion.reference_leg_length_m,
         removable=plan.removable,
         shape_range=settings.shape_range,

@@ -20,7 +20,7 @@ from drapeline.bodies.follow import pose_body
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh, boundary_edges, mean_edge_length
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
@@ -101,7 +101,7 @@ def simulate_sheets(
         for name, sheet in zip(sheets, layers, strict=True)
     )
     even = np.zeros(2)  # the sheets are made for the wearer, not for a tighter or wider body
-    outfit = Outfit(garments, record.shape, even, even, GENDERS[record.gender])
+    outfit = Outfit(garments, record.shape, even, even, record.gender)
     with TemporaryDirectory() as name:
         folder = Path(name) / "simulated"
         dressed = DressedBody(body, record, outfit)
@@ -189,7 +189,7 @@ class SolverDraper:
         turned = np.array(pose, dtype=np.float64)
         turned[:3] = (upright * Rotation.from_rotvec(turned[:3])).as_rotvec()
         still = np.tile(turned, (self.frames, 1)), np.zeros((self.frames, 3))
-        record = make_body_sequence(body, shape, *still, gender=GENDERS.index(gender))
+        record = make_body_sequence(body, shape, *still, gender=gender)
         try:
             if not np.array_equal(record.shape, shape):
                 raise InputError("the body overlaps itself")

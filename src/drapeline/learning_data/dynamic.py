@@ -12,7 +12,7 @@ from drapeline.bodies.rest_body import rest_body, signed_tightness
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import STATUS
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_names
 from drapeline.learning_data.static import static_cvar
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -173,7 +173,7 @@ def _recordings(
                     "split": np.array(status["split"]),
                     "garment": np.int8(GARMENTS.index(name)),
                     "shape": np.asarray(info.shape, dtype=np.float32),
-                    "gender": np.int8(info.gender),
+                    "gender": np.int8(GENDERS.index(info.gender)),
                     "tightness": signed_tightness(sample.tightness, sample.gender).astype(
                         np.float32
                     ),
@@ -198,7 +198,7 @@ class DynamicData:
         garment_index: (N,) index of the frame's garment among the G garments.
         sample, split: (G,) names, of each garment.
         garment: (G,) its type, an index into `GARMENTS`.
-        shape, gender, tightness: (G, 10), (G,), (G, 2).
+        shape, gender, tightness: (G, 10), (G,) "female" or "male", (G, 2).
         mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
     """
 
@@ -216,6 +216,7 @@ class DynamicData:
         )
         self.frame, self.garment_index = frames["frame"], frames["garment_index"]
         self.version = str(garments.pop("version"))
+        garments["gender"] = gender_names(garments["gender"])
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
         arrays = open_arrays(folder, _FRAME_ARRAYS | _GARMENT_ARRAYS, n=len(self.frame), g=count)

@@ -9,7 +9,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes, gender_names
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, boundary_edges, triangulate
 from drapeline.learning_data.occlusion import TexturePixels, covered_vertices
@@ -307,7 +307,7 @@ class FieldData:
         near_distance, space_distance: (N, P) float32 metres, memory-mapped.
         occlusion: (N, R, R) bool.
         shape: (N, 10) float32.
-        gender: (N,) int8, 0 female, 1 male.
+        gender: (N,) "female" or "male".
         garment: (N,) int8, index into `GARMENTS`.
         outfit, split: (N,) str.
         clusters: (K,) ids of the body's vertices.
@@ -321,7 +321,8 @@ class FieldData:
         """
         self.folder = Path(folder)
         rows = load_npz(self.folder / "rows.npz", _ROWS)
-        self.shape, self.gender, self.garment = rows["shape"], rows["gender"], rows["garment"]
+        self.shape, self.garment = rows["shape"], rows["garment"]
+        self.gender = gender_names(rows["gender"])
         self.outfit, self.split = rows["outfit"], rows["split"]
         self.occlusion = rows["occlusion"]
         self.clusters = load_clusters(self.folder)
@@ -345,12 +346,12 @@ class FieldData:
         return [f"{self.outfit[row]}/{GARMENTS[self.garment[row]]}" for row in rows]
 
     def batch(self, rows: np.ndarray) -> dict[str, Any]:
-        """Arrays of rows: points, distances, `occlusion`, `shape`, `gender`, `row`, `names`."""
+        """Arrays of rows: points, distances, occlusion, shape, code of the gender, row, names."""
         return {
             **{name: np.asarray(getattr(self, name)[rows]) for name in _POINTS},
             "occlusion": self.occlusion[rows],
             "shape": self.shape[rows],
-            "gender": self.gender[rows],
+            "gender": gender_codes(self.gender[rows]),
             "row": rows,
             "names": self.names(rows),
         }

@@ -10,7 +10,6 @@ from drapeline.dataset.point_clouds import load_clouds
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import solver_name
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import SKINNED, GarmentSequence
 from drapeline.learning_data.skinned import load_skinned
@@ -47,7 +46,7 @@ def simulated_sequences(
                 name=sample.id,
                 source=solver_name(sample.meta or {}),
                 split=cloud.about["split"],
-                gender=int(info.gender),
+                gender=info.gender,
                 shape=np.asarray(info.shape),
                 poses=np.asarray(info.poses),
                 number=np.arange(sample.frame_count),
@@ -100,7 +99,7 @@ def skinned_sequences(
                     name=one.name,
                     source=SKINNED,
                     split=one.split,
-                    gender=GENDERS.index(one.gender),
+                    gender=one.gender,
                     shape=one.shape,
                     poses=one.poses,
                     number=one.number,

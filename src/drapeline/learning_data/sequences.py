@@ -17,7 +17,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.outfits.garment_types import GARMENTS
@@ -54,7 +54,7 @@ class GarmentSequence:
         name: of the sequence; no other of the same type has it.
         source: the cloth solver that moved the garment, or `SKINNED` where skinning weights did.
         split: "train", "val" or "test".
-        gender: 0 female, 1 male.
+        gender: "female" or "male".
         shape: (10,).
         poses: (T, 72) rad.
         number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
@@ -69,7 +69,7 @@ class GarmentSequence:
     name: str
     source: str
     split: str
-    gender: int
+    gender: str
     shape: np.ndarray
     poses: np.ndarray
     number: np.ndarray
@@ -129,8 +129,9 @@ def collect_sequences(
             shape=np.stack([one.shape for one in sequences]).astype(np.float32),
             **{
                 key: np.array([getattr(one, key) for one in sequences])
-                for key in ("name", "source", "split", "gender")
+                for key in ("name", "source", "split")
             },
+            gender=np.array([GENDERS.index(one.gender) for one in sequences]),
         )
         save_npz(
             scratch / "originals.npz",
@@ -199,7 +200,7 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
 def _body_relative_points(one: GarmentSequence, bodies: Mapping[str, BodyModel]) -> np.ndarray:
     """(T, P, 4) what `body_relative_points` adds, for the body as rounded in the files."""
     shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-    return body_relative_points(bodies[GENDERS[one.gender]], shape, poses, one.points)[..., 3:]
+    return body_relative_points(bodies[one.gender], shape, poses, one.points)[..., 3:]
 
 
 def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
@@ -224,7 +225,7 @@ class SequenceData:
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
         poses, number: (F, 72) and (F,) frame numbers in the motion.
         name, source, split, start, count: (S,) of the sequences; start is their first row.
-        shape, gender: (S, 10), (S,).
+        shape, gender: (S, 10) and (S,) "female" or "male".
         canonical, coefficients: (S, N, 3), (S, D).
 
     Raises:
@@ -246,7 +247,7 @@ class SequenceData:
         table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
         self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
         self.start, self.count = table["start"], table["count"]
-        self.shape, self.gender = table["shape"], table["gender"]
+        self.shape, self.gender = table["shape"], gender_names(table["gender"])
         self.canonical, self.coefficients = table["canonical"], table["coefficients"]
         if not np.array_equal(self.start, np.cumsum(self.count) - self.count):
             raise InputError(

@@ -99,7 +99,7 @@ def record(toy_body):
     poses = np.tile(REST_POSE, (5, 1))
     poses[:, 3 * 16 + 2] = -0.3 + 0.01 * np.arange(5)
     trans = np.array([0.3, 0.1, 1.0]) + 0.02 * np.arange(5)[:, None]
-    return make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    return make_body_sequence(toy_body, np.zeros(10), poses, trans, gender="female")
 
 
 def test_frames_go_from_the_garments_shape_to_the_sequence(toy_body, record):
