@@ -88,7 +88,6 @@ def damages(folder: str | Path, name: str = MANIFEST, *, sums: bool) -> Iterator
     """What is wrong with the files of a folder; files that the manifest does not list may be there.
 
     Args:
-        folder: that the manifest describes.
         name: of the manifest, within the folder.
         sums: whether to read the files; otherwise only their sizes are compared.
 

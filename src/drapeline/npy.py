@@ -33,7 +33,6 @@ class Header:
 
     Attributes:
         dtype: of numbers, truth values or text.
-        shape: of the array.
         fortran: whether the first axis varies fastest.
         size: bytes of the header.
     """
@@ -208,7 +207,6 @@ def check_arrays(arrays: Mapping[str, np.ndarray], table: Mapping[str, str], **s
     """Compare arrays that are in memory, as those of a checkpoint, with a table of declarations.
 
     Args:
-        arrays: by name.
         table: name -> its declaration, see `Declared`.
         sizes: of axes that are known.
 

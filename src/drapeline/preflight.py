@@ -83,12 +83,7 @@ def slurm_config():
 
 
 def find_slurm_problem(status_command, settings):
-    """Why Snakemake would never learn that a job has ended on this cluster, or None.
-
-    Args:
-        status_command: that it asks with, "sacct" or "squeue".
-        settings: of the cluster, from `slurm_config`.
-    """
+    """Why "sacct" or "squeue" would never tell Snakemake that a job has ended, or None."""
     if not settings:
         return "Slurm's scontrol does not answer here; start Snakemake where sbatch works."
     if settings.get("AccountingStorageType") == "accounting_storage/slurmdbd":

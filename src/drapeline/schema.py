@@ -92,7 +92,6 @@ def check_table(schema: Schema, table: Table, path: str | Path) -> Table:
     """The table itself, if it is one of the schema.
 
     Args:
-        schema: of the table.
         table: any frame.
         path: named in errors.
 

@@ -167,13 +167,10 @@ def _claim(handle: int) -> None:
 
 
 def sweep(root: str | Path) -> list[Path]:
-    """Remove what killed processes were writing below a folder.
+    """Remove what killed processes were writing below a folder, and say what it was.
 
     What a living process of this machine writes is left alone. Nobody can ask the processes of
     another machine: what those wrote goes once it has not changed for a day.
-
-    Returns:
-        What was removed.
     """
     removed = []
     for folder, folders, files in os.walk(root):
@@ -259,12 +256,7 @@ def copy_folder(source: str | Path, target: str | Path) -> None:
 
 
 def output_of(path: str | Path, root: str | Path) -> Path:
-    """The output of a rule that a file is, or is part of, by the marks that Snakemake leaves.
-
-    Args:
-        path: of the file.
-        root: folder of all outputs.
-    """
+    """The output of a rule below `root` that a file is, or is part of, by Snakemake's marks."""
     inside = [folder for folder in Path(path).parents if Path(root) in folder.parents]
     marked = (folder for folder in reversed(inside) if (folder / _MARK).exists())
     return next(marked, Path(path))

@@ -121,7 +121,6 @@ class SequenceDataset(Dataset):
     it. A data set may be used by several workers: each opens files of its own.
 
     Args:
-        data: samples to read.
         frames: T.
         stride: from one window to the next, at most T; T if None.
         garments: types to read; all if None. Samples that wear none of them are left out.
@@ -188,7 +187,6 @@ class FrameDataset(SequenceDataset):
     """Single frames.
 
     Args:
-        data: samples to read.
         step: every so many frames of a sample are read.
         garments, body, coordinates, keep: see `SequenceDataset`.
 
@@ -247,10 +245,6 @@ def collate(items: Sequence[OutfitFrames]) -> OutfitBatch:
 
 class SeededOrder(Sampler):
     """Every pass over the data set in another order, which depends on seed and epoch alone.
-
-    Args:
-        count: items of the data set.
-        seed: of the orders.
 
     Attributes:
         epoch: of the next pass; set it to go on with a training that was stopped.

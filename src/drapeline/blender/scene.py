@@ -32,13 +32,7 @@ def add_mesh(
 def add_material(
     thing: bpy.types.Object, linear_colour: Sequence[float], *, roughness: float
 ) -> None:
-    """Give a mesh object a plain material of its name.
-
-    Args:
-        thing: the mesh object.
-        linear_colour: linear RGB in 0-1.
-        roughness: 0 for a mirror, 1 for chalk.
-    """
+    """Give a mesh object a material of its name: linear RGB and roughness (1: chalk) in 0-1."""
     material = bpy.data.materials.new(thing.name)
     shader = shader_node(material, "ShaderNodeBsdfPrincipled")
     shader.inputs["Base Color"].default_value = (*linear_colour, 1.0)

@@ -134,7 +134,6 @@ def first_free_sequence(
     shape may pass.
 
     Args:
-        body: of the sample's gender.
         shapes: (10,) shape coefficients each, at least one, taken only as far as needed.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the motion's own root joint in metres.
@@ -144,7 +143,6 @@ def first_free_sequence(
         removable: what the outfit leaves bare, a key of `REMOVABLE`.
         shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart, metres.
-        labels: of the motion, for the record.
 
     Returns:
         The sequence, with the number of shapes given up; that of the last shape if all are
@@ -197,7 +195,6 @@ class _Freed:
     Attributes:
         shape: (10,).
         vertices: (N, V, 3) root-relative, as posed.
-        solution: their corrections.
         thinned: how many times the body was made thinner.
     """
 

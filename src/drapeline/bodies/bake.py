@@ -383,11 +383,7 @@ def _population(
 
 
 def _t_pose(model: anny.Anny, rest: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pose people with Anny's own rig; Y up, root joint at the origin.
-
-    Returns:
-        Vertices (S, A, 3) and joints (S, 24, 3).
-    """
+    """(S, A, 3) vertices, (S, 24, 3) joints in a T-pose of Anny's rig; Y up, root at the origin."""
     weights = _bone_weights(model)
     labels, parents = list(model.bone_labels), list(model.bone_parents)
     joint_bones = [labels.index(_bone_of_joint(name)) for name in JOINT_NAMES]

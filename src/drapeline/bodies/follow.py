@@ -40,7 +40,6 @@ def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.nd
     """A body at rest and in a pose.
 
     Args:
-        body: of the wearer's gender.
         shape: (10,).
         pose: (72,) axis-angle, rad; its root rotation leads to the world.
         trans: (3,) the root joint there, metres.
@@ -151,7 +150,6 @@ def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: 
 
     Args:
         garment: triangles, on `body.rest`.
-        body: the wearer.
         neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
         smoothing: passes that smooth the motions over the garment, which otherwise jump from one
             leg to the other; none in the paper.

@@ -82,11 +82,7 @@ def load_body(path: str | Path) -> BodyModel:
 
 
 def save_body(path: str | Path, body: BodyModel, **about: str | int) -> None:
-    """Write a body with SMPL's own key names, readable by `load_body` and by `smplx.SMPL`.
-
-    Args:
-        about: further entries, such as a licence.
-    """
+    """Write a body and further entries with SMPL's own key names: `smplx.SMPL` reads it as well."""
     parents = PARENTS.astype(np.int64).copy()
     parents[0] = 2**32 - 1  # as SMPL's own files mark the root
     texture = {} if body.vt is None else {"vt": body.vt, "ft": body.ft}

@@ -73,16 +73,7 @@ class SkinPoints(NamedTuple):
 
 
 class MovedBody:
-    """A body in a state, with derivatives of its points.
-
-    Args:
-        model: of the body.
-        state: of it.
-
-    Attributes:
-        vertices: (V, 3) posed, metres.
-        joints: (24, 3) posed.
-    """
+    """A body in a state: `vertices` (V, 3), `joints` (24, 3) in metres, and their derivatives."""
 
     def __init__(self, model: BodyModel, state: BodyState) -> None:
         self.model, self.state = model, state
@@ -127,7 +118,6 @@ class MovedBody:
         """(P, U) derivatives of along . x for points x.
 
         Args:
-            points: of the surface.
             along: (P, 3), which may differ from point to point.
             offsets: (P, 3) in `REST_POSE`, of points that follow those of the surface and turn
                 with them; the surface's own if None.

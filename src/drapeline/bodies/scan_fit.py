@@ -31,8 +31,6 @@ class BodyTerms:
         skin: (P,) whether each is skin; all others are cloth.
         first: the first estimate.
         joints: (24, 3) predicted in the world, or None.
-        settings: weights.
-        rng: draws the points that count.
     """
 
     def __init__(

@@ -223,11 +223,7 @@ def _mark_inside(
 
 
 class InsideParts:
-    """Tells which vertices lie behind the nearest ones of other parts.
-
-    Args:
-        parts: the body's parts.
-    """
+    """Tells which vertices lie behind the nearest ones of other parts."""
 
     def __init__(self, parts: BodyParts) -> None:
         start_warp()
@@ -342,7 +338,6 @@ def solve_self_collisions(
 
     Args:
         vertices: (N, V, 3) posed body in metres.
-        parts: the body's parts.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
             in one. A frame that is too deep and has no such parts ends it: frames after it are left
@@ -467,11 +462,7 @@ class _Meeting:
 
 @dataclass(frozen=True)
 class _Contact(_Meeting):
-    """Where two parts cross.
-
-    Attributes:
-        points: (k, 3) crossings of edges with faces.
-    """
+    """Where two parts cross: points (k, 3), where edges cross faces."""
 
     points: np.ndarray
 

@@ -54,7 +54,6 @@ class BodySequence:
         leftover_frames: frames in which parts still cross somewhere after that.
         deepest_m: greatest distance that a vertex was moved, metres.
         penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
-        labels: of the motion.
     """
 
     shape: np.ndarray
@@ -88,10 +87,8 @@ def body_sequence_vertices(
 
     Args:
         body: the model that `record` was made with.
-        record: the body in motion.
         world: whether to add `trans`; else vertices are relative to the root joint, as garments
             and caches are.
-        frames: which of the N frames.
 
     Returns:
         (n, V, 3) float32 metres.

@@ -41,12 +41,7 @@ _REBUILD = 8
 
 
 class CloudRngs(NamedTuple):
-    """Random generators of one frame.
-
-    Attributes:
-        points: draws the points and the holes.
-        noise: draws the noise of their coordinates.
-    """
+    """What draws a frame's points and holes, and the noise of their coordinates."""
 
     points: np.random.Generator
     noise: np.random.Generator
@@ -70,7 +65,6 @@ class CloudSampler:
 
         Args:
             surfaces: triangles (F, 3) and label of each mesh.
-            settings: how the clouds are sampled.
             turn_rad: rotation of the cameras about the vertical axis.
 
         Raises:
@@ -371,7 +365,6 @@ def write_clouds(folder: str | Path, sample_folder: str | Path, settings: CloudS
     Args:
         folder: replaced as a whole; for a rejected sample it holds only `about.json`.
         sample_folder: folder of the sample, as written by `write_sample`.
-        settings: how the clouds are sampled.
 
     Returns:
         The sample's status, "accepted" or "rejected".

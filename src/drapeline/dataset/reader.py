@@ -256,7 +256,6 @@ class Sample:
 
         Args:
             garment: one of `garments`.
-            start: first frame.
             stop: frame after the last; the end of the sequence if None.
             frame: "world", or "root" for positions relative to the root joint before `zrot`.
 

@@ -42,10 +42,8 @@ class SampleRecord:
     """A sample's folder, its `meta.json` and the size of its files.
 
     Attributes:
-        folder: the sample's folder.
         meta: contents of its `meta.json`.
         cloth3d_bytes: total size of the files in CLOTH3D's layout.
-        total_bytes: total size of all files.
     """
 
     folder: Path

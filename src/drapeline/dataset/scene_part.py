@@ -23,7 +23,6 @@ class ScenePart:
         mesh: rest pose, root-relative metres.
         colour: sRGB in 0-1, as on a screen.
         read: (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
-        frame_count: number of frames.
     """
 
     name: str

@@ -76,9 +76,7 @@ def scan_sample(
 
     Args:
         sample: accepted.
-        body: of the wearer.
         settings: how many, and how far estimates are off.
-        seed: of noise, points and estimates.
     """
     clouds = CloudSettings(points=settings.points, noise_m=settings.noise_m, seed=seed)
     garments = layered(sample.garments)

@@ -70,7 +70,6 @@ def write_sample(
     Args:
         rng: draws the camera and the lights.
         folder: replaced as a whole; its name is the sample's id.
-        body: the body model of the sample's gender.
         body_record: `.npz` with shape, gender, poses, trans and the labels of the motion.
         outfit: `.npz` with the rest meshes, next to a `.json` of the same stem.
         simulation: folder with `{Garment}.f32` and `health.npz`; of no use where not accepted.
@@ -127,11 +126,7 @@ def write_sample(
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
-    """Mean, minimum and maximum of each measure over all frames and garments.
-
-    Args:
-        health: measure -> (N,) or (N, garments); values that are not finite are ignored.
-    """
+    """Mean, minimum and maximum of the finite values of each measure, (N,) or (N, garments)."""
     summary = {}
     for name, values in health.items():
         if values.ndim in (1, 2) and values.dtype.kind in "biuf":
@@ -263,7 +258,6 @@ def write_reconstruction(
 
     Args:
         folder: replaced as a whole; its name is the sample's id.
-        body: the body model of the right gender.
         info: F frames, with an outfit entry for each garment.
         garments: F frames each.
     """

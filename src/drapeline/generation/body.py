@@ -14,15 +14,7 @@ from drapeline.seeding import rng_for
 def animate(
     plan: SamplePlan, motion: Motion, body: BodyModel, settings: BodySettings, seed: int
 ) -> BodySequence:
-    """A random body of the planned gender in the planned piece of a clip, free of self-collisions.
-
-    Args:
-        plan: of the sample.
-        motion: the clip, at 30 fps.
-        body: of the plan's gender.
-        settings: see there.
-        seed: the experiment's.
-    """
+    """A random body of the planned gender in a piece of a clip at 30 fps, without collisions."""
     piece = cut_piece(motion, plan.start, plan.stop, speed=plan.speed, mirrored=plan.mirrored)
     shapes = rng_for(seed, "shape", plan.sample)
     return first_free_sequence(

@@ -24,9 +24,7 @@ class Hanger:
     Garments are made on a form, and real ones sag: sleeves hang down, skirts fall into folds.
 
     Args:
-        solver: moves the cloth.
         frames: for which outfits hang, after the wearer has taken its own shape.
-        settings, bounds: of simulations, as in the config.
     """
 
     def __init__(
@@ -47,7 +45,6 @@ class Hanger:
 
         Args:
             outfit: with its pins.
-            body: of the wearer's gender.
 
         Returns:
             The outfit, and no reason; or the outfit as it was, and why.

@@ -78,11 +78,7 @@ def simulate_sheets(
     Args:
         sheets: garment type -> triangles at rest on the wearer, root-relative metres, Z up, from
             the innermost to the outermost.
-        body: of the wearer.
-        record: the wearer in motion.
-        solver: moves the cloth.
         edge_length_m: sheets with shorter edges are made coarser first.
-        simulation, bounds: as of samples.
 
     Returns:
         Garment type -> sheet in N frames, root-relative metres, perhaps with fewer vertices than
@@ -120,8 +116,7 @@ def simulate_sheet(
 ) -> list[Mesh]:
     """A sheet of the garment type `name` in every frame of a motion, see `simulate_sheets`.
 
-    Returns:
-        Nothing if the simulation is out of bounds, of which a warning is logged.
+    None, and a warning in the log, if the simulation is out of bounds.
     """
     try:
         return simulate_sheets({name: sheet}, body, record, solver, **how)[name].frames
@@ -133,12 +128,7 @@ def simulate_sheet(
 def make_draper(
     solver: ClothSolver, frames: int, *, edge_length_m: float, simulation: Mapping[str, Any]
 ) -> "SolverDraper | None":
-    """See `SolverDraper`; nothing for no frames.
-
-    Args:
-        solver, frames, edge_length_m: see there.
-        simulation: settings of simulations, as in the config.
-    """
+    """A `SolverDraper` with settings of simulations as in the config; None for no frames."""
     if not frames:
         return None
     return SolverDraper(solver, frames, edge_length_m, SimulationSettings(**simulation))
@@ -149,7 +139,6 @@ class SolverDraper:
     """Drapes sheets on people in one pose: from rest they go along into it, and wait there.
 
     Attributes:
-        solver: moves the cloth.
         frames: for which it hangs in the pose.
         edge_length_m: sheets with shorter edges are made coarser first.
         simulation: as of samples; there is a single attempt, and no floor, since the person may be
@@ -175,7 +164,6 @@ class SolverDraper:
 
         Args:
             sheets: see `simulate_sheets`; those without faces are left out.
-            body: of the wearer's gender.
             gender: "female" or "male".
             shape: (10,) of the wearer.
             pose: (72,) axis-angle, rad; its root rotation leads to the world.

@@ -23,7 +23,6 @@ class Wearer:
     """What samples of one gender are made from.
 
     Attributes:
-        body: the body model.
         templates: panels that garments are cut from.
         own: garment type -> the user's garment in its place.
     """
@@ -39,11 +38,7 @@ def dress(
     """A unique outfit of the planned type, for the body that moves.
 
     Args:
-        plan: of the sample.
         motion: the wearer's shape is taken.
-        wearer: of the plan's gender.
-        settings: see there.
-        seed: the experiment's.
     """
     return _sample(rng_for(seed, "outfit", plan.sample), plan, motion.shape, wearer, settings)
 
@@ -54,10 +49,7 @@ def dress_at_rest(
     """A unique outfit of the planned type, for a body of its own that does not move.
 
     Args:
-        plan: of the sample.
         shape_range: shapes are uniform in plus or minus this.
-        wearer: of the plan's gender.
-        settings: see there.
         seed: the experiment's; with the sample's id it fixes its body and its outfit.
     """
     shape = sample_shape(rng_for(seed, "static", plan.sample, "shape"), shape_range)

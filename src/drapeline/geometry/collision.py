@@ -33,12 +33,7 @@ def _push_to_gap(
 
 
 class Solid:
-    """A body that cloth is pushed out of; it moves and keeps its faces.
-
-    Args:
-        vertices: (B, 3) metres.
-        faces: (F, 3), outwards.
-    """
+    """A body, (B, 3) metres and faces (F, 3) outwards, that cloth is pushed out of; it may move."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._mesh = warp_mesh(vertices, faces)

@@ -52,12 +52,7 @@ def _find_crossing(
 
 
 class SelfCrossings:
-    """Counts the edges of a moving triangle mesh that pass through its own triangles.
-
-    Args:
-        vertices: (V, 3), in the first shape.
-        triangles: (F, 3).
-    """
+    """Counts edges of a moving mesh, (V, 3) and (F, 3), that pass through its own triangles."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self._mesh = warp_mesh(vertices, triangles)
@@ -116,12 +111,7 @@ def _find_beneath(
 
 
 class MovingSheet:
-    """An open surface of fixed faces that moves, indexed once.
-
-    Args:
-        vertices: (V, 3) metres, in the first frame.
-        faces: (F, 3) outward.
-    """
+    """An open surface, (V, 3) metres and faces (F, 3) outward, that moves; it is indexed once."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._mesh, self._faces = warp_mesh(vertices, faces), len(faces)

@@ -85,7 +85,6 @@ def collect_dynamic(
         output: folder, replaced as a whole.
         samples: sample's folder -> its registration's folder.
         bodies: super-resolved, by gender.
-        version: of the offsets.
         step: of the frames taken.
 
     Returns:
@@ -235,11 +234,7 @@ class DynamicData:
         return topology_codes(self.garment[self.garment_index[rows]])
 
     def rows_of(self, sample: str, garment: str) -> np.ndarray:
-        """Indices of the frames of one garment of a sample, in their order.
-
-        Args:
-            garment: its type, one of `GARMENTS`.
-        """
+        """Indices of the frames of a sample's garment, one of `GARMENTS`, in their order."""
         wanted = (self.sample == sample) & (self.garment == GARMENTS.index(garment))
         return np.flatnonzero(np.isin(self.garment_index, np.flatnonzero(wanted)))
 

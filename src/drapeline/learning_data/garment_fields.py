@@ -58,11 +58,9 @@ def sample_field(
     skin, and a quarter where the garment would go on beyond its openings.
 
     Args:
-        rng: draws the points.
         garment: triangles, root-relative metres, rest pose.
         body: of the wearer, likewise.
         box: lowest and highest corner, metres.
-        near, space: how many points.
 
     Returns:
         `near` (near, 3) and `space` (space, 3) float32 points, and `near_distance` and
@@ -128,9 +126,7 @@ def sample_fields(
     Args:
         outfits: as `load_static` reads them.
         bodies: by gender.
-        pixels: of the bodies' texture.
         boxes: garment type -> box of the model that learns it.
-        seed: the experiment's.
         near, space: points per garment.
 
     Returns:
@@ -193,7 +189,6 @@ def collect_fields(
         shards: `.npz` files of `sample_fields`.
         garments: types to collect.
         bodies: by gender.
-        pixels: of the bodies' texture.
         clusters: K, see `body_clusters`.
 
     Returns:
@@ -250,12 +245,7 @@ def _copy_points(
 
 
 def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:
-    """Ids of the body's vertices that at least a tenth of some garments cover.
-
-    Args:
-        occlusion: (n, R, R) bool.
-        pixels: of these images.
-    """
+    """Ids of the body's vertices that a tenth of some garments cover, by images (n, R, R) bool."""
     rate = occlusion.mean(axis=0).ravel()
     often = (rate >= 0.1) & (pixels.weights.sum(axis=1) > 0)
     nearest = pixels.corners[np.arange(len(rate)), pixels.weights.argmax(axis=1)]

@@ -25,7 +25,6 @@ class MovingGarment:
     Attributes:
         sample, split, name: identify it; `name` is its type.
         source: cloth solver that moved it.
-        gender: of the wearer.
         shape: (10,).
         poses: (N, 72) rad.
         registered: its registration in rest pose.
@@ -61,7 +60,6 @@ class MovingFiles:
 
     Attributes:
         sample, split, name, source: as of `MovingGarment`.
-        folder: of the sample.
         registration: folder of its registrations.
     """
 
@@ -123,7 +121,6 @@ def load_moving(
 
     Args:
         samples, registrations: see `moving_files`.
-        split: to load.
 
     Raises:
         InputError: a file is missing or damaged.

@@ -26,7 +26,6 @@ def simulated_sequences(
     """A type's garments among accepted simulated samples.
 
     Args:
-        garment: the type.
         samples: folders as `write_sample` leaves them.
         clouds: folders of the same samples as `write_clouds` leaves them.
         tables: sample's id -> where the template lies on its garment.
@@ -74,7 +73,6 @@ def skinned_sequences(
     """A type's garments among static outfits put into motion.
 
     Args:
-        garment: the type.
         folders: as `write_skinned` leaves them.
         shards: `.npz` of the static outfits of the same folders.
         tables: outfit's name -> where the template lies on its garment.

@@ -92,8 +92,6 @@ def collect_sequences(
 
     Args:
         output: folder, replaced as a whole.
-        garment: the type.
-        sequences: any number of any splits.
         faces: (F, 3) of the type's template.
         components: D of the space; fewer where there are few garments.
         bodies: whole, by gender, to write body-relative points too; None if no network is given
@@ -219,9 +217,7 @@ class SequenceData:
         folder: that it wrote.
 
     Attributes:
-        garment_type: their type.
         label: its code in `LABELS`.
-        space: of canonical garments.
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
         poses, number: (F, 72) and (F,) frame numbers in the motion.
         name, source, split, start, count: (S,) of the sequences; start is their first row.

@@ -51,12 +51,7 @@ _SKIRT_REACH_M = 0.12
 
 
 class PosedOutfit(NamedTuple):
-    """An outfit in motion, metres relative to the root joint.
-
-    Attributes:
-        body: (T, B, 3) float32.
-        garments: name -> (T, V, 3) float32.
-    """
+    """An outfit in motion: body (T, B, 3), garments (T, V, 3) by name; root-relative metres."""
 
     body: np.ndarray
     garments: dict[str, np.ndarray]
@@ -87,13 +82,7 @@ def skin_outfit(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> PosedOutf
 
 
 def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndarray:
-    """(V, 24) float32 skinning weights of a garment in the rest pose; skirts' are diffused.
-
-    Args:
-        garment: in the rest pose of `rest`.
-        rest: (B, 3) body.
-        body: its model.
-    """
+    """(V, 24) float32 weights of a garment at rest on a body (B, 3); skirts' are diffused."""
     triangles = triangulate(garment.faces)
     weights = nearest_weights(garment.vertices, triangles, rest, body.faces, body.weights)
     if garment.name not in SKIRTS:
@@ -134,9 +123,6 @@ class SampleMotion:
 def read_motions(samples: Sequence[str | Path]) -> list[SampleMotion]:
     """Read the poses of the accepted ones among simulated samples, sorted by id.
 
-    Args:
-        samples: folders.
-
     Raises:
         InputError: a file of a sample is missing or damaged.
     """
@@ -171,7 +157,6 @@ def write_skinned(
         shard: `.npz` of static outfits.
         samples: folders of simulated samples.
         bodies: whole, by gender.
-        settings: of the frames and clouds.
         garments: types wanted; outfits without any of them are left out.
 
     Returns:

@@ -219,9 +219,7 @@ def static_baseline_summary(
     """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
 
     Args:
-        splits: to measure on.
         components: of the PCA, at most.
-        seed: of the intervals.
     """
     everything = np.arange(len(garments.garment))
     predictors = static_baselines(
@@ -305,7 +303,6 @@ def moving_baseline_summary(
         held_out: split -> garments to measure.
         bodies: super-resolved, by gender.
         step: of the frames measured, and of those that the mean is computed from.
-        seed: of the intervals.
     """
     mean = mean_wrinkles(training, bodies, step)
     found = []

@@ -38,7 +38,6 @@ class Variant(NamedTuple):
     """A row of tables: a model, one of its settings, a baseline or the truth.
 
     Attributes:
-        title: of its rows.
         group: title of what it is compared within, where a model has several such groups.
         competes: whether it may be the best; bounds and the truth itself do not.
         short: title above a column of pictures, in lines; those without one are in no picture.

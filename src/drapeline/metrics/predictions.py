@@ -101,12 +101,9 @@ class RebuiltGarment(NamedTuple):
     """A held-out garment with its surfaces, all at rest.
 
     Attributes:
-        label: names it.
-        garment: its type.
         original: as it was made.
         sheet, walls: of the field of its code.
         mean: the open surface of the mean code on the same body.
-        wearer: the body.
     """
 
     label: str
@@ -124,7 +121,6 @@ class GalleryGarment(NamedTuple):
     Attributes:
         sheet: the picture that it is part of.
         row, column: its place there, by their titles, which may have several lines.
-        caption: below it.
         garment: its type, one of `GARMENTS`.
         mesh: triangles at rest, root-relative metres; no faces if nothing was made.
         wearer: the whole body at rest.
@@ -146,8 +142,6 @@ class Reconstruction:
     All vertices are in metres and relative to the root joint, Z up.
 
     Attributes:
-        name: of the sequence.
-        garment: its type.
         faces: (n, 3) of the garment's template.
         canonical: (N, 3) as estimated.
         proposal: (F, N, 3), the canonical garment skinned: equation 1 without displacements.
@@ -273,10 +267,8 @@ class FittedPicture:
     """A picture and what was found in it.
 
     Attributes:
-        name: of the picture.
         labels: (H, W) uint8, see above.
         photo: (H, W, 3) uint8, or None.
-        people: in it.
     """
 
     name: str

@@ -162,7 +162,6 @@ def scan_class(region: str, properties: Mapping[str, float]) -> str:
 
     Args:
         region: of the garment's type, as in `GARMENT_TYPES`.
-        properties: of the garment.
     """
     if region == "whole":
         return CLASSES[-1]

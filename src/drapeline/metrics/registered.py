@@ -138,11 +138,7 @@ def measure_inside(
     body: BodyModel,
     topology: Topology,
 ) -> list[dict[str, float]]:
-    """`inside_measures` of every `CONTACT_STEP`-th of the frames, nothing of the others.
-
-    Args:
-        moving, frames, predicted, body, topology: see `measure_motion`.
-    """
+    """`inside_measures` of every `CONTACT_STEP`-th frame, None of others; see `measure_motion`."""
     faces, mask = topology.faces_of(moving.name), moving.registered.mask
     measured: list[dict[str, float]] = [{} for _ in frames]
     for index in range(0, len(frames), CONTACT_STEP):

@@ -101,7 +101,6 @@ def steady_upper_arms(poses: np.ndarray, *, fps: float, cyclic: bool) -> np.ndar
 
     Args:
         poses: (N, 72) radians.
-        fps: frames per second.
         cyclic: whether the last frame is followed by the first.
 
     Returns:

@@ -228,13 +228,9 @@ _MAX_REACH = 0.999  # of the leg's length; a leg is never pulled straighter than
 
 
 def lock_feet(motion: Motion) -> Motion:
-    """Remove sliding and floating of resting feet; a cyclic motion stays cyclic.
+    """Turn hips, knees and ankles so that resting feet neither slide nor float.
 
-    Args:
-        motion: a motion on the floor.
-
-    Returns:
-        The motion with other hip, knee and ankle rotations.
+    A cyclic motion stays cyclic.
     """
     if motion.cycle is None:
         return _lock(motion)

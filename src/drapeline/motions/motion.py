@@ -36,7 +36,6 @@ class Motion:
         poses: (N, 72) float64 axis-angle in radians, SMPL order; the root holds the turn from
             the body's Y-up frame to the world.
         trans: (N, 3) float64 position of the root joint in metres, floor at z = 0.
-        fps: frames per second.
         action: label such as "walk"; empty if unknown.
         subject: who moved; empty if unknown.
         source: name of the file it was read from.
@@ -237,7 +236,6 @@ def close_cycle(
             the cycle.
         trans: (N, 3) metres.
         times_s: (N,) strictly increasing.
-        fps: frames per second of the result.
         straight: the heading of one round to the next is the same; else what the clip shows.
 
     Returns:

@@ -15,9 +15,7 @@ from drapeline.storage import check_name, read_json, read_rows, write_json
 class FrameCounts:
     """Frame counts of files as they are now; a file that has changed is read anew.
 
-    Args:
-        memory: JSON file that keeps them; None keeps nothing. One that cannot be read or written
-            is ignored.
+    They are kept in `memory`, a JSON file, unless it is None; one that is unusable is ignored.
     """
 
     def __init__(self, memory: str | Path | None = None) -> None:
@@ -69,8 +67,6 @@ class MotionEntry:
     """One row of a motion table.
 
     Attributes:
-        name: of the sequence.
-        path: the motion file.
         frames: frames it has once imported, at 30 fps.
         loop_frames: length to which the cycle is repeated, or None.
         action, subject: labels; empty leaves the file's own.

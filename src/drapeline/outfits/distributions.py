@@ -93,8 +93,6 @@ def sample_upper(
     """Draw the numbers of an upper-body garment: name -> value, as stored with the sample.
 
     Args:
-        rng: draws them.
-        ranges: what they are drawn from.
         sleeves: a t-shirt, else a top.
         opens: whether it may open in front (not when it is part of a full-body garment).
     """

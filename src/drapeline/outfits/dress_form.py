@@ -69,11 +69,9 @@ class Tube:
 
 @dataclass(frozen=True)
 class Field:
-    """Signed distance of a dress form on a grid, metres, negative inside.
+    """Signed distance of a dress form, metres, negative inside: (X, Y, Z) float32.
 
-    Attributes:
-        origin: (3,) world position of the first cell's centre.
-        distance: (X, Y, Z) float32.
+    The centre of the first cell is at `origin` (3,) in the world.
     """
 
     origin: np.ndarray

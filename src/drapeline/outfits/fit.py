@@ -159,8 +159,6 @@ def drape_on_form(
     Args:
         rng: decides where folds begin.
         form: the dress form that the pattern was cut on.
-        pattern: the garment.
-        edge_length_m: its mean edge length.
         fullness: excess of cloth around the body, as a share.
 
     Returns:
@@ -214,7 +212,6 @@ def settle(
         keep_out: moves points out of the dress form, after each step.
         fullness: (V,) excess of cloth around the body, as a share; it makes the folds.
         nudge: (V, 3) metres, added to the start where vertices are not held: folds begin there.
-        steps: number of steps.
 
     Returns:
         (V, 3) metres.
@@ -259,7 +256,6 @@ def seed_folds(
         rng: draws the noise that is smoothed.
         faces: (F, 4), the first edge of each along the weft, the second along the warp.
         count: number of vertices.
-        edge_length_m: mean edge length.
         size_m: root mean square of the displacements' coordinates.
 
     Returns:

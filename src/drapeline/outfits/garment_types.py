@@ -61,11 +61,7 @@ def layered(garments: Iterable[str]) -> tuple[str, ...]:
 
 
 def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
-    """The first item of each garment type, in the order of `GARMENTS`.
-
-    Args:
-        items: with their types, read until there is one of each.
-    """
+    """The first item of each type in the order of `GARMENTS`; no more are read than needed."""
     found: dict[str, Item] = {}
     for garment, item in items:
         found.setdefault(garment, item)

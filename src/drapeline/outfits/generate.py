@@ -50,9 +50,7 @@ def sample_numbers(
     """Draw every random number of an outfit.
 
     Args:
-        rng: draws the numbers.
         outfit_type: garments joined by "+".
-        ranges: what is drawn from.
 
     Returns:
         (garment name, description) from inner to outer; the descriptions become `Garment.about`.
@@ -130,13 +128,10 @@ def sample_outfit(
     """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
 
     Args:
-        rng: draws the numbers.
         templates: of the body's gender.
-        body: of the wearer's gender.
         gender: "female" or "male".
         shape: (10,) the wearer's shape coefficients.
         outfit_type: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
-        edge_length_m: mean edge length wanted.
         vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
         own: garment name -> the user's own, in place of the template.

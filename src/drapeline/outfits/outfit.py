@@ -55,7 +55,6 @@ class Outfit:
         """Write arrays under `{name}/...` and everything else as JSON.
 
         Args:
-            npz_path, json_path: to write.
             split: of an outfit at rest; that of a simulated one is in its sample's record.
         """
         arrays = {}

@@ -14,7 +14,6 @@ class StaticOutfit(NamedTuple):
     Attributes:
         name: of its plan.
         split: "train", "val" or "test".
-        outfit: its garments and their wearer.
     """
 
     name: str

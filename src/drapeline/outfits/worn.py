@@ -46,13 +46,7 @@ class SkinningOptions:
 def pose_in_layers(
     garments: Mapping[str, Mesh], body: PosedBody, skinning: SkinningOptions
 ) -> dict[str, Mesh]:
-    """Garments at rest, posed and in layers.
-
-    Args:
-        garments: by name, from the innermost to the outermost; some may have no faces.
-        body: the wearer.
-        skinning: how they follow it.
-    """
+    """Garments at rest, the innermost first, posed and in layers; some may have no faces."""
     posed = [
         pose_garment(one, body, neighbours=skinning.neighbours, smoothing=skinning.smoothing)
         if len(one.faces)
@@ -63,12 +57,7 @@ def pose_in_layers(
 
 
 def stack_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
-    """Posed sheets pushed out of the body, and each out of those below it.
-
-    Args:
-        sheets: from the innermost to the outermost; some may have no faces.
-        body: the wearer.
-    """
+    """Posed sheets, the innermost first, pushed out of the body, and each out of those below it."""
     solid = Solid(body.posed.astype(np.float32), body.faces)
     worn: list[Mesh] = []
     for sheet in sheets:

@@ -91,7 +91,6 @@ def fit_to_points(
         faces: (E, 3) of the garment.
         rest: (N, 3) the canonical garment.
         body, body_normals: (F, M, 3) body vertices and outward unit normals.
-        settings: weights.
         proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
             None.
         worn_statistics: of the type; if None, lengths are those at rest, all vertices start

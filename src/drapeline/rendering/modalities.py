@@ -49,9 +49,7 @@ def _cast(
 def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camera: Camera) -> Seen:
     """Cast one ray through the centre of every pixel.
 
-    Args:
-        meshes: vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and velocities (V, 3) in
-            m/s, each.
+    Meshes have vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and velocities in m/s.
     """
     height, width = camera.height, camera.width
     vertices = np.concatenate([m[0] for m in meshes]).astype(np.float32)

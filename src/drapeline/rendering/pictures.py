@@ -68,7 +68,6 @@ def save_grid(
     """Write a PNG of pictures in rows: titles above, labels to the left, captions at the bottom.
 
     Args:
-        path: the PNG.
         rows: cells whose pictures are of one size; None leaves a place empty.
         columns: titles, which may have several lines.
         labels: of the rows, which may have several lines.
@@ -118,7 +117,6 @@ def save_contact_sheet(
     Captions have as many lines as it takes for them to be no wider than the pictures.
 
     Args:
-        path: the PNG.
         pictures: (H, W, 3) uint8, of any sizes, and their captions.
         columns: pictures in a row.
         letter: height of the captions, in pixels.

@@ -449,7 +449,6 @@ def raytrace(
 
     Args:
         parts: the meshes.
-        camera: takes the picture.
         floor_centre: (x, y) where shadows are darkest; they fade out with the distance from it, and
             towards the picture's borders.
         floor_reach_m: from where on there are no shadows.

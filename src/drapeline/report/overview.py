@@ -49,7 +49,6 @@ class Figure(NamedTuple):
     """A number that matters.
 
     Attributes:
-        title: what it is.
         value: with its unit.
         note: what to hold it against.
     """
@@ -66,7 +65,6 @@ class _Comparison(NamedTuple):
     error is their mean.
 
     Attributes:
-        title: what is compared.
         metric: in millimetres.
         models: variants; the first that was evaluated is shown.
         networks: variants, of the papers; they stand beside it.

@@ -82,9 +82,6 @@ def plot_hierarchies(
     """Draw the receptive fields of each level and some coarse meshes, by topology and pooling.
 
     Captions give the number of fields and the standard deviation of their areas over the mean.
-
-    Args:
-        hierarchies: pooling -> hierarchy.
     """
     shapes = {
         "body": (_stand(topology.rest), topology.faces),
@@ -233,7 +230,6 @@ def plot_registration(
     """Write a PNG with a row per garment type: garment, registered, rebuilt, errors.
 
     Args:
-        path: the PNG.
         topology: of the super-resolved body.
         bodies: super-resolved, by gender.
         outfits: the first garment of each type among them is shown.

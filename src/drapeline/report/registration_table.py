@@ -41,12 +41,7 @@ SUMMARY = Schema(
 
 
 def summarise_errors(errors: Table, source: str) -> Table:
-    """Summarise errors to a row per type and metric: mean, median, maximum and sum over garments.
-
-    Args:
-        errors: rows of error tables.
-        source: name of their group, or "template".
-    """
+    """Summarise a group's errors to a row per type and metric: mean, median, maximum and sum."""
     found = errors.assign(garment=pd.Categorical(errors["garment"], GARMENTS), source=source)
     metrics = list(dict.fromkeys(errors["metric"]))
     found["metric"] = pd.Categorical(found["metric"], metrics)
@@ -63,7 +58,6 @@ def write_registration_tables(
 
     Args:
         table: the `.tsv`.
-        page: the HTML page.
         groups: group -> folders of its registered shards, with a table for each shard or for each
             sample in it; those of rejected samples have none.
 
@@ -95,12 +89,7 @@ def write_registration_tables(
 def errors_by_type(
     summary: Table, cell: Callable[[pd.Series], tuple[str, Cell]]
 ) -> list[dict[str, object]]:
-    """One row per type, one column per metric.
-
-    Args:
-        summary: see `summarise_errors`.
-        cell: a row's heading and cell.
-    """
+    """One row per type of a summary, one column per metric, whose heading and cell `cell` gives."""
     return [
         {
             "Garment": garment,

@@ -48,7 +48,6 @@ def read_test_metrics(path: str | Path, models: Sequence[str] = ()) -> Table:
     """The test split of a table of metrics, a row for each value with its interval.
 
     Args:
-        path: of the table.
         models: the rows' models; by default all.
 
     Raises:
@@ -93,7 +92,6 @@ class MetricTable:
     Attributes:
         variants: of the rows, in order; a name that ends in `*` stands for all that begin like it,
             by rising number.
-        metrics: shown.
         garments: likewise; "all" for all types together.
         down: what the rows are: of "variant", "garment", "metric" and "source".
         across: what the columns are: "metric", "garment" or "source", which is the cloth solver.
@@ -211,7 +209,6 @@ class Section(NamedTuple):
     """A part of a page.
 
     Attributes:
-        title: heading.
         table: of the metrics, or what makes the rows of one.
         about: paragraph between heading and table, or nothing.
         below: paragraph below the table, or nothing.
@@ -248,15 +245,7 @@ class Section(NamedTuple):
 def write_sections(
     path: str | Path, title: str, about: Iterable[str], sections: Iterable[Section], measured: Table
 ) -> None:
-    """Write a page of metrics: paragraphs, then sections.
-
-    Args:
-        path: the HTML page.
-        title: of the page.
-        about: paragraphs.
-        sections: in order.
-        measured: rows of the test split, see `read_test_metrics`.
-    """
+    """Write a page of what `read_test_metrics` reads: paragraphs, then sections."""
     paragraphs = (f"<p>{text}</p>" for text in about)
     write_page(path, title, *paragraphs, *(section.html(measured) for section in sections))
 

@@ -40,11 +40,9 @@ class Carrier:
 
 
 class Pins:
-    """Vertices of a garment that are held where the body carries them, such as a waistband's.
+    """Vertices (P,) of a garment that are held where the body carries them, as at a waistband.
 
-    Attributes:
-        vertices: (P,) int, numbers of the garment's vertices.
-        weights: (P,) 0-1, how firmly each is held.
+    How firmly each is held is its weight (P,), 0-1.
     """
 
     def __init__(self, weights: np.ndarray, garment: np.ndarray, body: MovingBody) -> None:

@@ -24,7 +24,6 @@ class HealthGarment:
     """A garment as health sees it.
 
     Attributes:
-        name: of the garment.
         faces: (F, 4) or (F, 3).
         rest_lengths_m: (E,) of `mesh.edges(faces)`; NaN for edges that are not watched.
     """
@@ -200,12 +199,7 @@ def _mean_over_frames(values: np.ndarray) -> np.ndarray:
 def inevitable_violations(
     arrays: Mapping[str, np.ndarray], bounds: HealthBounds, frames: int
 ) -> list[str]:
-    """What will be out of bounds at the end, even if every frame to come is without fault.
-
-    Args:
-        arrays: of the frames so far, (n, garments) each.
-        frames: of the whole sequence.
-    """
+    """What will be out of bounds after so many frames, even if all to come are without fault."""
     missing = ((0, frames - len(arrays["inside_share"])), (0, 0))
     best = {
         name: np.pad(arrays[name], missing)

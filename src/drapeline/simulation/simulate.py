@@ -91,11 +91,9 @@ def body_frames(
 ) -> Iterator[np.ndarray]:
     """World vertices (V, 3) of every simulated frame, transitions first.
 
-    Frame 0 is the body that the garments were made for, in rest pose. Over `shape_frames` it
-    takes the wearer's shape, over `pose_frames` the sequence's first pose; the sequence follows.
-
-    Args:
-        garment_shape: (10,) shape plus tightness.
+    Frame 0 is the body that the garments were made for, of shape plus tightness (10,), in rest
+    pose. Over `shape_frames` it takes the wearer's shape, over `pose_frames` the sequence's first
+    pose; the sequence follows.
     """
     poses, path = _transition(record, pose_frames)
     rest = [
@@ -142,8 +140,6 @@ def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -
 
     Args:
         points: (P, 3) metres, relative to the root joint, in the rest pose.
-        record: the body in motion.
-        pose_frames: of the transition.
 
     Returns:
         (P, 3) float32 metres in the world.
@@ -168,7 +164,6 @@ class DressedBody:
     """Whom and what is simulated.
 
     Attributes:
-        body: the body model of the wearer's gender.
         motion: the wearer's shape and poses, free of self-collisions.
         outfit: garments in rest pose, root-relative, from inner to outer.
     """
@@ -223,13 +218,6 @@ def simulate_outfit(
     with finer steps, slower transitions and the whole body to collide with, up to
     `settings.attempts`.
 
-    Args:
-        output_dir: folder to make.
-        dressed: whom and what.
-        solver: moves the cloth.
-        settings: of the attempts.
-        bounds: what an accepted sample holds.
-
     Returns:
         What `status.json` holds: see `Judged.status`.
     """
@@ -259,10 +247,6 @@ def measure_outfit(
     that intersects itself there is no attempt, and only the last is written.
 
     Args:
-        output_dir: folder to make.
-        dressed: whom and what.
-        solver: moves the cloth.
-        settings: of the attempts.
         number: 0 for the first attempt, see `plan_attempt`.
         bounds: those that nothing to come can bring the sample back into end the attempt.
 

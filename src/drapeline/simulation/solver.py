@@ -96,8 +96,6 @@ class ClothGarment:
         name: of its type, unique within an outfit.
         vertices: (V, 3) float32 world metres; lengths and angles at rest are those between them.
         faces: (F, 4) or (F, 3) int32, outward.
-        edge_length_m: mean length of its edges.
-        fabric: what it is made of.
         shrink: (V,) 0-1, share by which elastics shorten the rest lengths at a vertex.
         pins: vertices that are held, none where nothing but friction holds the garment.
     """

@@ -58,12 +58,7 @@ def pushed_out(
 
 @wp.func
 def narrowed(gap: float, room: wp.vec2):
-    """What is left of a gap between sheets of cloth where the body faces itself.
-
-    Args:
-        gap: metres.
-        room: from the body to itself, at both ends of the frame.
-    """
+    """What is left of a gap between sheets where the body faces itself at a frame's two ends."""
     return wp.min(gap, SHARE_OF_ROOM * wp.min(room[0], room[1]))
 
 

@@ -153,11 +153,9 @@ def touch_edges(
 
 
 class NearEdges:
-    """Which other edges each edge of the cloth is near to, and on which side.
+    """Which other edges each edge (E, 2), no diagonal, of cloth is near to, and on which side.
 
-    Args:
-        edges: (E, 2) of the cloth, without diagonals.
-        triangle_edges: (F, 3) number of each triangle's edges, -1 for a diagonal.
+    `triangle_edges` (F, 3) are the numbers of each triangle's edges, -1 for a diagonal.
     """
 
     def __init__(self, edges: wp.array, triangle_edges: wp.array) -> None:
@@ -353,12 +351,7 @@ def untangle(
 
 
 class Crossings:
-    """Which triangles the edges of the cloth pass through.
-
-    Args:
-        edges: (E, 2) of the cloth, without diagonals.
-        triangles: (F, 3).
-    """
+    """Which triangles (F, 3) of the cloth its edges (E, 2), no diagonals, pass through."""
 
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
         self._edges, self._triangles = edges, triangles

@@ -277,10 +277,9 @@ def hinge_numbers(hinges: Hinges, inverse_masses: np.ndarray, step_s: float) -> 
 def _responses(
     constraints: Springs | Hinges, masses: np.ndarray, step_s: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compliance, damping and ease of constraints (Macklin et al. 2016, "XPBD", eq. 18 and 26).
+    """Compliance, damping and ease of constraints by the inverse masses (C,) that they act on.
 
-    Args:
-        masses: (C,) sums of inverse masses that they act on.
+    Macklin et al. 2016, "XPBD", equations 18 and 26.
     """
     compliance = 1 / constraints.stiffness_n_m
     damping = compliance * constraints.damping_kg_s / step_s

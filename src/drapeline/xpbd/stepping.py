@@ -48,9 +48,6 @@ class Replay:
     """Launches that are always the same, recorded when they are first called for, to be replayed.
 
     One by one, each would take Python several microseconds.
-
-    Args:
-        parts: make the launches, in order.
     """
 
     def __init__(self, parts: Sequence[Callable[[], None]]) -> None:
@@ -561,10 +558,9 @@ class MovingCloth:
         self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
 
     def _begin(self, frame: int) -> float:
-        """Take the body and the pins to the frame, and the cloth along during the transition.
+        """Take body, pins and, in the transition, cloth to the frame.
 
-        Returns:
-            How far the body's fast limbs go past its middle, in metres.
+        Returns how far the body's fast limbs go past its middle, in metres.
         """
         now = self._body.frame(frame)
         self._surface.move_to(now)

@@ -30,7 +30,6 @@ class NicpSettings:
     Attributes:
         stiffness: of the nodes, falling; for each there is one step of closest points and of
             motions towards them.
-        nodes: largest number of nodes.
         samples: largest number of garment vertices that look for their closest points.
         turn_m: distance that a turn of the normal by one radian counts for: it keeps a sleeve off
             the torso and one leg off the other.
@@ -100,7 +99,6 @@ def lay_on(
         vertices: (V, 3) metres, in rigid alignment with the surface.
         triangles: (F, 3) of one connected garment.
         surface: the body.
-        settings: stiffness, rounds and sizes.
 
     Returns:
         (V, 3) float64.

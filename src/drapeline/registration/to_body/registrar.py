@@ -77,7 +77,6 @@ def round_trip(
         triangles: (G, 3) of the garment.
         body: (V, 3) that it was registered on.
         faces: (F, 3) of the body's topology.
-        match: the registration.
     """
     vertices, kept = body + match.offsets(garment, body), faces_within(faces, match.mask)
     forward, angle, area = surface_distance(garment, triangles, vertices, kept)
@@ -122,7 +121,6 @@ class Registration(NamedTuple):
         laid: (C, 3) the garment deformed onto the body.
         match: body vertices and their points on the garment.
         offsets: (V, 3) float32 metres.
-        measures: of the round trip.
     """
 
     laid: np.ndarray
@@ -132,14 +130,7 @@ class Registration(NamedTuple):
 
 
 class Registrar:
-    """Registers garments of all types on bodies of all shapes.
-
-    Args:
-        topology: of the super-resolved bodies.
-
-    Attributes:
-        topology: as given.
-    """
+    """Registers garments of all types on super-resolved bodies of all shapes."""
 
     def __init__(self, topology: Topology) -> None:
         self.topology = topology

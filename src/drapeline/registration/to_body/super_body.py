@@ -120,12 +120,7 @@ def mirror_of(points: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
 
 
 def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_matrix:
-    """Matrix (V, count) that interpolates values on a file's vertices to the refined ones.
-
-    Args:
-        corners, shares: of a `SuperBody`.
-        count: vertices of the file's mesh.
-    """
+    """Matrix (V, count) from values on the file's vertices to those on a `SuperBody`'s."""
     rows = np.arange(len(corners)).repeat(3)
     return csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(corners), count))
 

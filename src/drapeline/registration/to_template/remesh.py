@@ -36,12 +36,7 @@ from drapeline.storage import atomic_folder, load_npz, save_npz
 
 
 class RemeshTable(NamedTuple):
-    """Where each template vertex lies on a source garment.
-
-    Attributes:
-        corners: (N, 3) int32 source vertices.
-        shares: (N, 3) float32, rows sum to 1.
-    """
+    """Where template vertices lie on a garment: corners (N, 3) int32, shares (N, 3) float32."""
 
     corners: np.ndarray
     shares: np.ndarray
@@ -264,7 +259,6 @@ class NamedGarment(NamedTuple):
 
     Attributes:
         name: of its outfit or sample.
-        garment: its type.
         vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
     """
 
@@ -316,7 +310,6 @@ def write_tables(
         folder: replaced as a whole.
         garments: those of types without a template are ignored.
         templates: by type.
-        settings: of the registration.
 
     Returns:
         Number of garments registered.

@@ -49,7 +49,6 @@ def render_gallery(
     card with its status and reason in place of both pictures.
 
     Args:
-        folder: a sample.
         still: the PNG to write.
         moving: the animated PNG to write; it loops.
         still_size, moving_size: width and height in pixels.
@@ -149,7 +148,6 @@ def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) ->
     """Draw the middle frames of accepted samples, spread evenly over all of them.
 
     Args:
-        path: the PNG.
         samples: folders of all samples of the group.
         most: samples to show at most.
 

@@ -25,9 +25,7 @@ class HealthMeasure:
     """A quantity of a sample, and its place in `meta.json`.
 
     Attributes:
-        title: its name.
         short: one word, for a column's heading.
-        unit: of the numbers shown.
         keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
             a sample's `meta.json`; None where there is none.
         factor: from the stored to the shown number.
@@ -204,9 +202,7 @@ def write_health_page(
     """Write the page with the goals, the values reached, and every sample.
 
     Args:
-        path: the HTML page.
         dataset: folder of the collected dataset.
-        records: its accepted samples.
 
     Raises:
         InputError: `status.tsv` is missing or lacks a column.

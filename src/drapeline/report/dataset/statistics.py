@@ -177,10 +177,6 @@ def _quiet_rows(axes: Axes) -> None:
 def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
     """Write the page with tables 1 and 2.
 
-    Args:
-        path: the HTML page.
-        dataset: folder of a collected dataset.
-
     Raises:
         InputError: the dataset's statistics are missing or lack a column.
     """

@@ -29,7 +29,6 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
     """Write the page of codes.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics with the rows of `compare_representations`.
 
     Raises:
@@ -79,7 +78,6 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of fits to scans.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics with the rows of `compare_scan_fits`.
 
     Raises:

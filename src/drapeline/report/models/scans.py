@@ -34,7 +34,6 @@ def plot_scans(
     """Write a row for each scan: its points, what the models find, and the simulated garments.
 
     Args:
-        path: the PNG.
         scans: files of scans.
         fits: files of fits, by whatever models.
         most: rows; of more scans, some that are evenly spread.

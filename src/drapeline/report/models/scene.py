@@ -148,7 +148,6 @@ class View:
         body: its wearer, or None.
         colour: sRGB of the garment in 0-1.
         error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
-        scene: where the picture is taken from.
     """
 
     garment: Mesh | None
@@ -187,7 +186,6 @@ def plot_views(
     """Rows of views under their names.
 
     Args:
-        path: the PNG.
         rows: label -> views; labels may have several lines.
         columns: titles above.
         heat: add the colour bar of the errors.

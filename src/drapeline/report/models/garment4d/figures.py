@@ -59,11 +59,8 @@ def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[
     """Figure 4: a row per frame, from the cloud to the garment, with errors where truth is known.
 
     Captions give mean errors over the vertices in mm. The canonical garment stands in the first
-    row of its sequence, its error in the second, the registered one in the third.
-
-    Args:
-        path: the PNG.
-        cases: sequences, each with the indices of those of its frames to show.
+    row of its sequence, its error in the second, the registered one in the third. Cases have the
+    indices of the frames to show.
     """
     rows, labels = [], []
     for case, frames in progress(cases, label="steps"):
@@ -77,12 +74,7 @@ def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[
 
 
 def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[int]]]) -> None:
-    """Figure 5: clouds and, below them, what is reconstructed; a column per frame.
-
-    Args:
-        path: the PNG.
-        cases: sequences, each with the indices of those of its frames to show.
-    """
+    """Figure 5: clouds and, below them, what is reconstructed; a column per frame shown."""
     rows, labels = [], []
     for case, frames in progress(cases, label="results"):
         pairs = list(zip(_scenes(case, frames), frames, strict=True))
@@ -183,7 +175,6 @@ class SkinnedTwice(NamedTuple):
 
     Attributes:
         label: of its row in the figure; may have several lines.
-        garment: its type.
         canonical: (N, 3) metres.
         faces: (n, 3) of the template.
         nearest: (N, 3) posed with K = 1.
@@ -205,14 +196,9 @@ class SkinnedTwice(NamedTuple):
 
 
 def plot_neighbours(path: str | Path, cases: Sequence[SkinnedTwice], neighbours: int) -> None:
-    """Figure 7: what K = 1 does to a garment, and what interpolated weights do.
+    """Figure 7: what K = 1 does to a garment, and what `neighbours` do; a row per case.
 
     The camera stands before the place where K = 1 deforms the garment most, which is ringed.
-
-    Args:
-        path: the PNG.
-        cases: one for each row.
-        neighbours: K of the interpolated weights.
     """
     rows = [_neighbour_cells(case) for case in progress(cases, label="skinned twice")]
     save_grid(
@@ -337,8 +323,6 @@ def curve(
     Args:
         measured: rows of the test split, see `read_test_metrics`.
         prefix: such as "neighbours".
-        garment: type.
-        name: of the metric.
         ends: number -> variant that stands for it where none of the prefix does.
 
     Returns:
@@ -439,13 +423,7 @@ def _plot_robustness(
 
 
 def plot_ablation(path: str | Path, measured: Table, garment: str) -> None:
-    """Figure 6: vertex and acceleration errors without single parts of the model.
-
-    Args:
-        path: the figure.
-        measured: rows of the test split, see `read_test_metrics`.
-        garment: type shown.
-    """
+    """Figure 6: vertex and acceleration errors of a type without single parts of the model."""
     names = [n for n in _ABLATIONS if _value(measured, n, garment, "vertex_error_mm") is not None]
     with saved_figure(path, 9.0, 0.9 + 0.36 * max(len(names), 3), columns=2) as (_, axes):
         for panel, key in zip(axes, ("vertex_error_mm", "acceleration_error_m_s2"), strict=True):

@@ -232,7 +232,6 @@ def write_garment4d_page(
     """Write the page of tables.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics; models that it does not hold have no row.
         registration: tables of errors of garments registered to templates.
         departures: keys of `DEPARTURES` that hold for the models.

@@ -83,7 +83,6 @@ def plot_codes(
     """Figure 8: the codes of garments in the plane, coloured by type; held-out ones are ringed.
 
     Args:
-        path: the figure.
         codes: (N, Z) means of the codes; of more than 1500, evenly spaced ones are drawn.
         garments, splits: (N,) type and split of each.
     """

@@ -94,12 +94,7 @@ def _rebuilt_views(garment: RebuiltGarment) -> list[View]:
 
 
 def plot_gallery(path: str | Path, garments: Sequence[GalleryGarment]) -> None:
-    """Write a sheet.
-
-    Args:
-        path: the PNG.
-        garments: of one sheet, row by row; a card says so if there are none.
-    """
+    """Write a sheet of garments, row by row; a card says so if there are none."""
     if not garments:
         save_contact_sheet(path, [(text_card("Nothing to show", _NOTHING, _CARD), "")], 1)
         return
@@ -127,12 +122,7 @@ def plot_gallery(path: str | Path, garments: Sequence[GalleryGarment]) -> None:
 
 
 def plot_clip(path: str | Path, rows: Mapping[str, Sequence[WornGarment]]) -> None:
-    """Write a sheet of frames in motion, a row for each way of moving the same garment.
-
-    Args:
-        path: the PNG.
-        rows: title -> frames in the world, the floor at zero.
-    """
+    """Write a sheet of frames in the world, a titled row for each way of moving the garment."""
     scenes = share_scale(
         [
             fit_scene(_facing(worn), [worn.wearer.vertices, worn.garment.vertices], _CLIP_SIZE)

@@ -67,7 +67,6 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of tables.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics; models that it does not hold have no row.
 
     Raises:
@@ -122,12 +121,7 @@ def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables])
 
 
 def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
-    """Write the page.
-
-    Args:
-        path: the HTML page.
-        galleries: model -> its tables.
-    """
+    """Write the page of the tables of each model's gallery."""
     rows = {
         name: [row for model, tables in galleries.items() for row in make(model, tables)]
         for name, make in (
