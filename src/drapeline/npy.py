@@ -29,7 +29,7 @@ class HeaderError(ValueError):
 
 @dataclass(frozen=True)
 class Header:
-    """What an `.npy` file says about its array.
+    """Description of an array in its `.npy` file.
 
     Attributes:
         dtype: of numbers, truth values or text.

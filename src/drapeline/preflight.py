@@ -73,7 +73,7 @@ def find_problems(folder, version=None, system=None, libraries=None, free_gb=Non
 
 
 def slurm_config():
-    """What `scontrol show config` says, by name; empty where there is no Slurm."""
+    """Entries of `scontrol show config` by name; none where there is no Slurm."""
     try:
         said = subprocess.run(["scontrol", "show", "config"], capture_output=True, text=True)
     except OSError:

@@ -131,5 +131,5 @@ def _garment(mesh: Mesh) -> Garment:
         uv_faces=np.zeros((0, 4), np.int32),
         pin=np.zeros(0, np.float32),
         elastic=np.zeros(0, np.float32),
-        about={},
+        attributes={},
     )

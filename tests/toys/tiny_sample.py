@@ -121,7 +121,7 @@ def write_stages(
             mesh.uv_faces,
             pin=np.zeros(len(mesh.vertices), dtype=np.float32),
             elastic=np.zeros(len(mesh.vertices), dtype=np.float32),
-            about={
+            attributes={
                 "fabric": fabric,
                 "elastic": {},
                 "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},

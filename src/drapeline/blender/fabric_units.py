@@ -1,4 +1,4 @@
-"""What Blender's cloth must be told so that a mesh moves as a fabric of given physical values."""
+"""Settings of Blender's cloth for a mesh to move as a fabric of given physical values."""
 
 from dataclasses import dataclass
 

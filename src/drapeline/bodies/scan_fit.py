@@ -24,7 +24,7 @@ _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
 
 
 class BodyTerms:
-    """What a scan says about the body in it.
+    """Residuals of a body against a scan of it.
 
     Args:
         points: (P, 3) metres, in the world.

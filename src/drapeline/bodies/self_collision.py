@@ -105,7 +105,7 @@ PAIRS = _pairs()
 
 @dataclass(frozen=True)
 class BodyParts:
-    """What does not change with the pose about a body's mesh and its parts.
+    """Parts of a body's mesh, as far as they do not change with the pose.
 
     Attributes:
         faces: (F, 3).
@@ -449,7 +449,7 @@ def _solve_frame(
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Where two parts are close.
+    """Places of two parts that are close.
 
     Attributes:
         near: ids of both parts' vertices in the region where they meet.
@@ -462,7 +462,7 @@ class _Meeting:
 
 @dataclass(frozen=True)
 class _Contact(_Meeting):
-    """Where two parts cross: points (k, 3), where edges cross faces."""
+    """Points (k, 3) at which edges of two parts cross faces of the other."""
 
     points: np.ndarray
 
@@ -475,7 +475,7 @@ def _meetings(
     find_inside: InsideParts,
     pair_parts: Sequence[Sequence[int]],
 ) -> list[_Meeting]:
-    """Where the parts of each pair are close; normals are those of the vertices `before`."""
+    """Meetings of the parts of each pair; normals are those of the vertices `before`."""
     near = [places.shared(*pair) for pair in pair_parts]
     questions = []
     for (first, second), (one, other) in zip(pair_parts, near, strict=True):
@@ -486,7 +486,7 @@ def _meetings(
 
 
 class _Places:
-    """Where the vertices of each part are, and the box around them, while they stay there."""
+    """Vertices of each part and the box around them, while they stay there."""
 
     def __init__(self, vertices: np.ndarray, parts: BodyParts) -> None:
         self._vertices, self._parts = vertices, parts
@@ -521,7 +521,7 @@ class _Places:
 def _contact(
     vertices: np.ndarray, parts: BodyParts, meeting: _Meeting, first: int, second: int
 ) -> _Contact | None:
-    """Where two parts cross, if they do."""
+    """Points at which two parts cross, if they do."""
     near, inside = meeting.near, meeting.inside
     if not len(inside[0]) and not len(inside[1]):
         return None
@@ -537,7 +537,7 @@ def _contact(
 
 
 def _within(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Which of the points (3, n) lie in a box."""
+    """Mask of the points (3, n) that lie in a box."""
     keep = np.ones(places.shape[1], dtype=bool)
     for axis in range(3):
         keep &= (places[axis] > low[axis]) & (places[axis] < high[axis])

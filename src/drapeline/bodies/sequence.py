@@ -12,7 +12,7 @@ from drapeline.storage import load_npz, save_npz
 
 @dataclass(frozen=True)
 class ClipLabels:
-    """Where a motion comes from.
+    """Origin of a motion.
 
     Attributes:
         sequence: name of the sub-sequence, such as "walk_s0".
@@ -83,15 +83,12 @@ def body_sequence_vertices(
     world: bool = False,
     frames: slice = slice(None),
 ) -> np.ndarray:
-    """The body's vertices, self-collision corrections included.
+    """(n, V, 3) float32 metres: the body's vertices, self-collision corrections included.
 
     Args:
         body: the model that `record` was made with.
         world: whether to add `trans`; else vertices are relative to the root joint, as garments
             and caches are.
-
-    Returns:
-        (n, V, 3) float32 metres.
     """
     chosen = np.arange(len(record.poses))[frames]
     vertices, _ = posed_vertices(body, record.shape, record.poses[frames])

@@ -51,7 +51,7 @@ class SampleInfo:
 
 
 class Placement(NamedTuple):
-    """What vertices need of an `info.mat`.
+    """The part of an `info.mat` that vertices need.
 
     Attributes:
         garments: names of the outfit's garments in the stored order; () if it is not stored.

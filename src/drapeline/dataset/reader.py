@@ -159,7 +159,7 @@ class Sample:
 
     @cached_property
     def _placement(self) -> Placement:
-        """What vertices need of `info.mat`, of which they do not read the rest."""
+        """The part of `info.mat` that vertices need; the rest is not read."""
         if "info" in vars(self):
             return Placement(tuple(self.info.outfit), self.info.trans, self.info.zrot)
         self._refuse_damage(sums=False)

@@ -79,7 +79,7 @@ def read_record(folder: str | Path) -> SampleRecord:
 
 
 def meta_path(folder: str | Path) -> Path:
-    """Where the `meta.json` of the sample in `folder` is."""
+    """Path of the `meta.json` of the sample in `folder`."""
     return Path(folder) / EXTRAS / "meta.json"
 
 

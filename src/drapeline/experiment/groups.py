@@ -21,7 +21,7 @@ AT_REST = "none"
 
 
 @dataclass(frozen=True)
-class Group:
+class PlannedGroup:
     """Samples of one kind.
 
     Attributes:
@@ -68,7 +68,7 @@ def make_shards(plans: Sequence[SamplePlan], size: int) -> dict[str, list[Sample
 
 def plan_groups(
     settings: Mapping[str, Any], table: str, counts: FrameCounts | None = None
-) -> dict[str, Group]:
+) -> dict[str, PlannedGroup]:
     """Plan every group of an experiment that has samples.
 
     A clip has one split in all groups: what a group decides holds for those after it.
@@ -81,7 +81,7 @@ def plan_groups(
     Raises:
         InputError: a setting of a group contradicts another one, or its clips.
     """
-    groups: dict[str, Group] = {}
+    groups: dict[str, PlannedGroup] = {}
     splits: dict[str, str] = {}
     for name, own in settings["groups"].items():
         if own["count"] != 0:
@@ -97,7 +97,7 @@ def _plan(
     known: Mapping[str, str],
     table: str,
     counts: FrameCounts | None,
-) -> tuple[Group, dict[str, str]]:
+) -> tuple[PlannedGroup, dict[str, str]]:
     """A group, and the splits of its clips."""
     own = settings["groups"][name]
     solver = own["solver"] or settings["simulation"]["solver"]
@@ -125,7 +125,7 @@ def _plan(
         count = pieces.count if own["count"] is None else own["count"]
         plans = plan_moving(count, prefix, pieces.of_sample, splits, wardrobe)
     shards = make_shards(plans, own["shard_size"])
-    return Group(name, solver, own["published"], outfits, simulation, clips, shards), splits
+    return PlannedGroup(name, solver, own["published"], outfits, simulation, clips, shards), splits
 
 
 def own_settings(common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,11 +134,11 @@ def own_settings(common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str,
 
 
 def default_prefix(name: str) -> str:
-    """What ids of a group's samples begin with, before their number."""
+    """Beginning of the ids of a group's samples, before their number."""
     return f"{name}_" if name[-1].isdigit() else name
 
 
-def _refuse_shared_ids(groups: Mapping[str, Group]) -> None:
+def _refuse_shared_ids(groups: Mapping[str, PlannedGroup]) -> None:
     owner: dict[str, str] = {}
     for group in groups.values():
         for plan in group.plans:

@@ -22,8 +22,8 @@ _GOLDEN = (5**0.5 - 1) / 2
 _LISTED = 10  # clips that a message names
 
 
-class Piece(NamedTuple):
-    """What a sample's motion is cut from; fields of `SamplePlan`."""
+class ClipPiece(NamedTuple):
+    """Piece of a clip that a sample's motion is cut from; fields of `SamplePlan`."""
 
     sequence: str
     part: int
@@ -50,7 +50,7 @@ class Wardrobe(NamedTuple):
 def plan_moving(
     count: int,
     prefix: str,
-    pieces: Callable[[int, str], Piece],
+    pieces: Callable[[int, str], ClipPiece],
     splits: Mapping[str, str],
     wardrobe: Wardrobe,
 ) -> list[SamplePlan]:
@@ -210,7 +210,7 @@ class Pieces(NamedTuple):
             each clip.
     """
 
-    of_sample: Callable[[int, str], Piece]
+    of_sample: Callable[[int, str], ClipPiece]
     sizes: Mapping[str, float]
     count: int
 
@@ -255,13 +255,13 @@ def pieces_in_turn(frames_of: Mapping[str, int], frames: int, frames_min: int) -
         for clip, available in frames_of.items()
     }
     pieces = [
-        Piece(clip, part, own[part], min(own[part] + frames, frames_of[clip]))
+        ClipPiece(clip, part, own[part], min(own[part] + frames, frames_of[clip]))
         for part in range(max(map(len, starts.values())))
         for clip, own in starts.items()
         if part < len(own)
     ]
 
-    def piece(number: int, sample: str) -> Piece:
+    def piece(number: int, sample: str) -> ClipPiece:
         return pieces[number % len(pieces)]
 
     return Pieces(piece, {clip: len(own) for clip, own in starts.items()}, len(pieces))
@@ -312,7 +312,7 @@ def pieces_anywhere(
                 f" {available}; expected fewer, or motions.sequences without it"
             )
 
-    def piece(number: int, sample: str) -> Piece:
+    def piece(number: int, sample: str) -> ClipPiece:
         part, place = divmod(number, len(clips))
         available = frames_of[clips[place]]
         rng = rng_for(seed, "piece", sample)
@@ -321,6 +321,6 @@ def pieces_anywhere(
             speed = min(speed, (available - 1) / (frames_min - 1))
         span = min(piece_span(frames, speed), available)
         start = int(rng.integers(available - span + 1))
-        return Piece(clips[place], part, start, start + span, speed, mirror and part % 2 == 1)
+        return ClipPiece(clips[place], part, start, start + span, speed, mirror and part % 2 == 1)
 
     return Pieces(piece, dict.fromkeys(clips, 1), len(clips))

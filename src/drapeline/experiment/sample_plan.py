@@ -1,4 +1,4 @@
-"""What a sample is going to be."""
+"""Plan of a sample."""
 
 from dataclasses import dataclass
 

@@ -49,7 +49,7 @@ _WORN = HealthBounds(
 )
 
 
-class MovingSheet(NamedTuple):
+class SimulatedSheet(NamedTuple):
     """A sheet in motion.
 
     Attributes:
@@ -70,7 +70,7 @@ def simulate_sheets(
     edge_length_m: float,
     simulation: SimulationSettings,
     bounds: HealthBounds,
-) -> dict[str, MovingSheet]:
+) -> dict[str, SimulatedSheet]:
     """Sheets in every frame of a motion.
 
     Trousers and skirts are held at their waist, and nothing else is; all cloth is cotton.
@@ -106,7 +106,7 @@ def simulate_sheets(
         if status["status"] != "accepted":
             raise InputError(f"{' and '.join(sheets)}: {status['reason']}")
         return {
-            one.name: MovingSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
+            one.name: SimulatedSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
             for one in garments
         }
 

@@ -20,7 +20,7 @@ from drapeline.seeding import rng_for
 
 @dataclass(frozen=True)
 class Wearer:
-    """What samples of one gender are made from.
+    """Body, templates and own garments that samples of one gender are made from.
 
     Attributes:
         templates: panels that garments are cut from.

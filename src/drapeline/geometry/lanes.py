@@ -7,8 +7,8 @@ import numpy as np
 import warp as wp
 
 LANES = 8
-NUMBERS = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
-INDICES = wp.types.vector(LANES, wp.int32)  # and of an index
+LaneFloats = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
+LaneInts = wp.types.vector(LANES, wp.int32)  # and of an index
 
 # Cells along an axis of Morton's curve, and how the bits of their numbers are spread, two zeros
 # between each and the next.

@@ -5,7 +5,7 @@ import scipy.sparse as sp
 import warp as wp
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.geometry.lanes import INDICES, LANES
+from drapeline.geometry.lanes import LANES, LaneInts
 from drapeline.geometry.mesh import edges, face_edges, half_edges
 from drapeline.geometry.surface_lanes import find_closest_in_lanes, rows_in_order, windings_in_lanes
 from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
@@ -122,7 +122,7 @@ class MovingSheet:
         move_mesh(self._mesh, vertices)
 
     def beneath(self, points: np.ndarray, reach_m: float) -> np.ndarray:
-        """Which points (P, 3) are beneath it (P,), and no farther from it than `reach_m`."""
+        """Mask (P,) of the points (P, 3) beneath it, and no farther from it than `reach_m`."""
         self._normals.zero_()
         wp.launch(
             _sum_face_normals,
@@ -154,7 +154,7 @@ def _bound(
     weights: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
 ):
-    """How far each point is from the surface at most: no farther than from a place on it."""
+    """Bounds of the points' distances from the surface: no farther than from a place on it."""
     i = wp.tid()
     place = wp.mesh_eval_position(surface, faces[i], weights[i][0], weights[i][1])
     reaches[i] = 1.01 * wp.length(points[i] - place) + _PAST_M
@@ -164,7 +164,7 @@ def _bound(
 def _locate(
     surface: wp.uint64,
     closed: wp.uint64,
-    rows: wp.array(dtype=INDICES),
+    rows: wp.array(dtype=LaneInts),
     points: wp.array(dtype=wp.vec3),
     faces: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),

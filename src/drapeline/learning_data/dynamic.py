@@ -118,7 +118,7 @@ def collect_dynamic(
         }
         about: list[dict[str, Any]] = []
         start = 0
-        for sample in progress(accepted, total=len(accepted), label="samples"):
+        for sample in progress(accepted, label="samples"):
             for recording in _recordings(sample, bodies, version):
                 end = start + len(sample.frames)
                 for key in _FRAME_ARRAYS:

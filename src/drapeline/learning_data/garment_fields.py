@@ -134,7 +134,7 @@ def sample_fields(
         `occlusion` (n, R, R) bool, and what `sample_field` gives.
     """
     rows: list[dict[str, Any]] = []
-    for name, split, outfit in progress(outfits, total=len(outfits), label="outfits"):
+    for name, split, outfit in progress(outfits, label="outfits"):
         body = bodies[outfit.gender]
         vertices = rest_body(body, outfit.shape)
         for garment in outfit.garments:
@@ -253,7 +253,7 @@ def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:
 
 
 def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarray:
-    """Vertices from which points are measured, spread evenly by farthest-point sampling.
+    """(K,) vertices from which points are measured, spread evenly by farthest-point sampling.
 
     The first is the one nearest to the mean of all allowed ones; each next one is the farthest from
     those chosen so far, the first of equals. Fewer are allowed than asked for: all of them, in the
@@ -263,9 +263,6 @@ def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarr
         body: (V, 3) the mean body at rest.
         allowed: (A,) ids to choose from.
         count: K.
-
-    Returns:
-        (K,) ids.
     """
     places = body[allowed]
     first = np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()

@@ -26,7 +26,7 @@ def covered_vertices(body: np.ndarray, faces: np.ndarray, garment: Mesh) -> np.n
 
 @dataclass(frozen=True)
 class TexturePixels:
-    """Which place of the body each pixel of a square image in its texture coordinates shows.
+    """Places of the body that the pixels of a square image in its texture coordinates show.
 
     Attributes:
         corners: (R * R, 3) vertices of the pixel's face; zeros where there is none.

@@ -165,7 +165,7 @@ def _write_clouds_and_garments(
         for name, dtype, shape in layouts
     }
     start = 0
-    for one in progress(sequences, total=len(sequences), label="sequences"):
+    for one in progress(sequences, label="sequences"):
         garment, end = one.garment(), start + len(one.poses)
         _refuse_unfinite(output, one, garment)
         values = {"points": one.points, "labels": one.labels, "garment": garment}

@@ -26,7 +26,7 @@ from drapeline.dataset.record import read_record
 from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.collision import Solid
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.settings import SkinnedSettings
@@ -68,16 +68,16 @@ def skin_outfit(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> PosedOutf
     rest = rest_body(body, outfit.shape)
     posed = posed_vertices(body, outfit.shape, poses)[0]
     motions = rest_to_pose(body, outfit.shape, poses)
-    solid = Solid(posed[0], body.faces)
+    resolver = PenetrationResolver(posed[0], body.faces)
     garments, averages = {}, {}
     for garment in outfit.garments:
         weights = worn_weights(garment, rest, body)
         garments[garment.name] = skin_points(garment.vertices, motions, weights).astype(np.float32)
         averages[garment.name] = averaging_matrix(garment.faces, len(garment.vertices))
     for frame, vertices in enumerate(posed):
-        solid.move(vertices)
+        resolver.move(vertices)
         for name, cloth in garments.items():
-            cloth[frame] = solid.push_out(cloth[frame], averages[name])
+            cloth[frame] = resolver.push_out(cloth[frame], averages[name])
     return PosedOutfit(posed, garments)
 
 
@@ -205,7 +205,7 @@ def _write(
     cloth = create_array(folder / "cloth.npy", np.float32, (rows, 3))
     chosen: list[tuple[str, np.ndarray, np.ndarray]] = []
     row = 0
-    for index, static in enumerate(progress(outfits, total=len(outfits), label="outfits")):
+    for index, static in enumerate(progress(outfits, label="outfits")):
         rng = rng_for(settings.clouds.seed, "skinned", static.name)
         own = [m for m in motions if m.split == static.split]
         motion = own[rng.integers(len(own))]

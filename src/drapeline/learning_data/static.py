@@ -52,7 +52,7 @@ def collect_static(
     _, first = np.unique(rows["outfit"][chosen], return_index=True)  # each body once
     body_mean, body_std = body_statistics(
         rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
-        for row in progress(chosen[first], total=len(first), label="bodies")
+        for row in progress(chosen[first], label="bodies")
     )
     with atomic_folder(output) as scratch:
         shape = (len(rows["split"]), count)

@@ -17,7 +17,7 @@ MAX_SPEED_M_S = 30.0  # of the root; anything faster is a wrong unit
 
 @dataclass(frozen=True)
 class Cycle:
-    """What happens to the body over one round of a cyclic motion.
+    """Displacement of the body over one round of a cyclic motion.
 
     Attributes:
         turn_rad: change of heading about the vertical.

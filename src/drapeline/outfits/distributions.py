@@ -1,4 +1,4 @@
-"""What an outfit is drawn from: every range and chance of the generator in one place."""
+"""Every range and chance that an outfit is drawn from, in one place."""
 
 from dataclasses import dataclass
 

@@ -290,7 +290,7 @@ def _leg(points: np.ndarray, part: np.ndarray, marks: Landmarks) -> Tube:
 
 
 def _inside(tube: Tube, along: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """Which points of a grid, along (A,) times plane (B, 2), lie within a tube: (A, B) bool."""
+    """Points of a grid, along (A,) times plane (B, 2), that lie within a tube: (A, B) bool."""
     shift = plane[None] - tube.centre_at(along)[:, None]
     angle = np.arctan2(shift[..., 0], shift[..., 1])
     within = np.hypot(shift[..., 0], shift[..., 1]) < tube.radius_at(along[:, None], angle)

@@ -20,7 +20,7 @@ class Garment:
         uv, uv_faces: (T, 2) float32 in [0, 1] and (F, 4) int32.
         pin: (V,) float32, 1 where the waistband is held.
         elastic: (V,) float32, 1 on ends that are gathered.
-        about: what goes into the JSON file: fabric, elastic, texture, parameters.
+        attributes: what goes into the JSON file: fabric, elastic, texture, parameters.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Garment:
     uv_faces: np.ndarray
     pin: np.ndarray
     elastic: np.ndarray
-    about: dict[str, Any] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Outfit:
         write_json(
             json_path,
             {
-                "garments": [{"name": g.name, **g.about} for g in self.garments],
+                "garments": [{"name": g.name, **g.attributes} for g in self.garments],
                 "gender": self.gender,
                 "tightness": self.tightness.tolist(),
                 "signed_tightness": self.signed_tightness.tolist(),
@@ -119,7 +119,7 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
         Garment(
             g["name"],
             *(arrays[f"{g['name']}/{key}"] for key in _ARRAYS),
-            about={k: v for k, v in g.items() if k != "name"},
+            attributes={k: v for k, v in g.items() if k != "name"},
         )
         for g in about["garments"]
     )

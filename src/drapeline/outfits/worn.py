@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from drapeline.bodies.follow import PosedBody, pose_garment
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.collision import Solid
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
 from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 
@@ -32,7 +32,7 @@ class DrapedSheet(NamedTuple):
 
 @dataclass(frozen=True)
 class SkinningOptions:
-    """How garments follow the body, see `pose_garment`.
+    """Options of garments that follow the body, see `pose_garment`.
 
     Attributes:
         neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
@@ -58,12 +58,12 @@ def pose_in_layers(
 
 def stack_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
     """Posed sheets, the innermost first, pushed out of the body, and each out of those below it."""
-    solid = Solid(body.posed.astype(np.float32), body.faces)
+    resolver = PenetrationResolver(body.posed.astype(np.float32), body.faces)
     worn: list[Mesh] = []
     for sheet in sheets:
         if len(sheet.faces):
             average = averaging_matrix(sheet.faces, len(sheet.vertices))
-            vertices = solid.push_out(sheet.vertices, average)
+            vertices = resolver.push_out(sheet.vertices, average)
             for inner in worn:
                 if len(inner.faces):
                     vertices = _push_over(vertices, average, inner)

@@ -18,7 +18,7 @@ from drapeline.registration.settings import RefineSettings
 
 
 class WornGarmentStatistics(NamedTuple):
-    """How worn garments of a type differ from their skinned proposals.
+    """Statistics of worn garments of a type against their skinned proposals.
 
     Attributes:
         shares: (K,) lengths of `springs` when worn, over those in the canonical
@@ -77,7 +77,7 @@ def fit_to_points(
     proposal: np.ndarray | None = None,
     worn_statistics: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
-    """Garments near the points, with the canonical garment's lengths, smooth in time.
+    """Garments (F, N, 3) float32 near the points, of the canonical lengths, smooth in time.
 
     Each round pulls every vertex towards the points whose nearest places on the garment it is a
     corner of, and out of the body. It then minimises the sum of squares of the remaining pulls, the
@@ -95,19 +95,16 @@ def fit_to_points(
             None.
         worn_statistics: of the type; if None, lengths are those at rest, all vertices start
             equally well, and accelerations are compared with zero.
-
-    Returns:
-        (F, N, 3) float32.
     """
     if worn_statistics is None:
         count = len(rest)
         worn_statistics = WornGarmentStatistics(
             np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count)
         )
-    cloth = Cloth(rest, faces, settings, worn_statistics.shares)
+    cloth = EdgeSprings(rest, faces, settings, worn_statistics.shares)
     keep = (settings.keep_m / np.maximum(worn_statistics.error_m, settings.keep_m)) ** 2
     start = np.asarray(vertices, dtype=np.float64)
-    solver = SpaceTime(cloth.stiffness, 1 + keep, len(start), settings.smooth)
+    solver = SmoothnessSolver(cloth.stiffness, 1 + keep, len(start), settings.smooth)
     constant = keep[:, None] * start
     accelerations = solver.acceleration_gradient(start if proposal is None else proposal)
     constant += worn_statistics.follow[:, None] * accelerations
@@ -122,7 +119,7 @@ def fit_to_points(
     return garment.astype(np.float32)
 
 
-class Cloth:
+class EdgeSprings:
     """Springs along edges and across them, at rest in the canonical garment.
 
     Args:
@@ -158,7 +155,7 @@ class Cloth:
         return out.reshape(count, frames, 3).transpose(1, 0, 2)
 
 
-class SpaceTime:
+class SmoothnessSolver:
     """(K + diag(d) + smooth D^T D) x = b, for all frames at once.
 
     D takes second differences in time. In the basis of the eigenvectors of D^T D the system falls

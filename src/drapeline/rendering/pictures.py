@@ -170,15 +170,12 @@ def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.n
 
 
 def text_card(title: str, text: str, size: tuple[int, int]) -> np.ndarray:
-    """A plain picture with a title and a text, to stand for one that could not be taken.
+    """A plain picture (H, W, 3) uint8 of a title and a text, for one that could not be taken.
 
     Args:
         title: one line.
         text: wrapped to the picture's width; what does not fit is cut off.
         size: width and height in pixels.
-
-    Returns:
-        (height, width, 3) uint8.
     """
     width, height = size
     image = Image.new("RGB", size, _CARD)

@@ -445,7 +445,7 @@ def raytrace(
     floor_reach_m: float = FLOOR_REACH_M,
     samples: int = 16,
 ) -> np.ndarray:
-    """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
+    """(H, W, 3) uint8 sRGB of meshes that stand on the floor z = 0; equal inputs, equal pictures.
 
     Args:
         parts: the meshes.
@@ -455,9 +455,6 @@ def raytrace(
         samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
             neighbouring pixels share. A block of pixels is one colour where its pixels have less
             than a sample each.
-
-    Returns:
-        (height, width, 3) uint8 sRGB.
     """
     vertices = np.concatenate([p.vertices for p in parts]).astype(np.float32)
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])

@@ -16,7 +16,7 @@ from drapeline.outfits.garment_types import first_of_each
 from drapeline.outfits.outfit import Garment
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_body.hierarchy import Hierarchy
-from drapeline.registration.to_body.registrar import Registrar, Registration, surface_distance
+from drapeline.registration.to_body.registrar import RegisteredGarment, Registrar, surface_distance
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
@@ -247,7 +247,7 @@ def plot_registration(
 
 
 def _row(
-    garment: Garment, body: np.ndarray, topology: Topology, done: Registration
+    garment: Garment, body: np.ndarray, topology: Topology, done: RegisteredGarment
 ) -> list[GridCell]:
     faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
     laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.error_table import COLUMNS, FILE_NAME
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
 
 TARGET_MM = 3.0
@@ -93,7 +93,7 @@ def errors_by_type(
     return [
         {
             "Garment": garment,
-            "Garments": Cell(part["garments"].iloc[0], "number"),
+            "Garments": number(part["garments"].iloc[0]),
             **dict(cell(row) for _, row in part.iterrows()),
         }
         for garment, part in summary.groupby("garment", sort=False)
@@ -109,4 +109,4 @@ def _cell(row: pd.Series) -> tuple[str, Cell]:
     shown = row["total" if metric in _SUMMED else "max" if metric in _LARGEST else "mean"]
     verdict = [] if metric not in _BOUNDED else ["good" if shown <= _BOUNDED[metric] else "bad"]
     text = f"{shown:.0f}" if metric in _SUMMED else f"{shown:.2f}"
-    return metric.replace("_", " ").capitalize(), Cell(text, "number", *verdict)
+    return metric.replace("_", " ").capitalize(), number(text, *verdict)

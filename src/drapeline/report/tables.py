@@ -12,7 +12,7 @@ from drapeline.metrics.metric import LARGER
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.table import ALL, read_metrics, with_intervals
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, write_table
 
 MEAN_OF_TYPES = "Mean of types"
@@ -174,10 +174,10 @@ class MetricTable:
         measured = {getattr(row, self.across): row for row in part.itertuples()}
         for name in shown:
             row = measured.get(name)
-            cells[self._title(self.across, name)] = self._cell(row) if row else Cell("-", "number")
+            cells[self._title(self.across, name)] = self._cell(row) if row else number("-")
         if self.count:
             counts = {name: int(row.n) for name, row in measured.items()}
-            cells[self.count] = Cell(self._count(counts, shown), "number")
+            cells[self.count] = number(self._count(counts, shown))
         return cells
 
     def _count(self, counts: Mapping[str, int], shown: Sequence[str]) -> str:
@@ -193,13 +193,13 @@ class MetricTable:
         shown = metric(row.metric)
         shown = shown._replace(digits=self.digits.get(row.metric, shown.digits))
         ends = [] if pd.isna(row.low) or pd.isna(row.high) else [row.low, row.high]
-        return Cell(shown.text(row.value, *ends), "number", *(["good"] if row.leads else []))
+        return number(shown.text(row.value, *ends), *(["good"] if row.leads else []))
 
     def _printed_numbers(self, part: Table, shown: Sequence[str]) -> dict[str, object]:
         texts = {getattr(row, self.across): f"{row.value:g}" for row in part.itertuples()}
         return {
-            f"{self._title(self.across, name)}, {self.paper}": Cell(
-                texts.get(name, "-"), "number", "theirs"
+            f"{self._title(self.across, name)}, {self.paper}": number(
+                texts.get(name, "-"), "theirs"
             )
             for name in shown
         }

@@ -1,4 +1,4 @@
-"""What holds a garment: waistbands that follow the body, elastics that gather an end."""
+"""Holds of garments: waistbands that follow the body, elastics that gather an end."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,7 +34,7 @@ class Carrier:
         )
 
     def __call__(self, body: np.ndarray) -> np.ndarray:
-        """Where the points (P, 3) are when the body is at `body` (V, 3)."""
+        """Places of the points (P, 3) when the body is at `body` (V, 3)."""
         sums = (self._sums @ body.astype(np.float64)).reshape(-1, 4, 3)
         return (self._arm @ nearest_rotations(sums[:, :3]))[:, 0] + sums[:, 3]
 
@@ -57,7 +57,7 @@ class Pins:
         )
 
     def positions(self, frame: int) -> np.ndarray:
-        """Where they are held in a frame, world (P, 3) metres."""
+        """Places that they are held at in a frame, world (P, 3) metres."""
         if self._carrier is None:
             return np.zeros((0, 3))
         return self._carrier(self._body.frame(frame))

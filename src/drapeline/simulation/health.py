@@ -63,14 +63,11 @@ class HealthMonitor:
         return len(self._rows)
 
     def add(self, cloths: Sequence[np.ndarray], body: np.ndarray) -> dict[str, list[float]]:
-        """Measure one frame.
+        """Measure one frame: measure -> one value per garment.
 
         Args:
             cloths: (V, 3) metres, root-relative, one per garment.
             body: (B, 3) in the same frame.
-
-        Returns:
-            Measure -> one value per garment.
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
@@ -199,7 +196,7 @@ def _mean_over_frames(values: np.ndarray) -> np.ndarray:
 def inevitable_violations(
     arrays: Mapping[str, np.ndarray], bounds: HealthBounds, frames: int
 ) -> list[str]:
-    """What will be out of bounds after so many frames, even if all to come are without fault."""
+    """Violations after so many frames even if all that are to come are without fault."""
     missing = ((0, frames - len(arrays["inside_share"])), (0, 0))
     best = {
         name: np.pad(arrays[name], missing)

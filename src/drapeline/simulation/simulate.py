@@ -136,13 +136,10 @@ def rising_floor(lowest_m: np.ndarray, cloth_m: float, count: int) -> np.ndarray
 
 
 def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -> np.ndarray:
-    """Where points of the body at rest, or on it, are in frame 0.
+    """(P, 3) float32 world metres in frame 0 of points of the body at rest, or on it.
 
     Args:
         points: (P, 3) metres, relative to the root joint, in the rest pose.
-
-    Returns:
-        (P, 3) float32 metres in the world.
     """
     poses, path = _transition(record, pose_frames)
     root, rest = (Rotation.from_rotvec(np.array(pose[:3])) for pose in (poses[0], REST_POSE))
@@ -186,7 +183,7 @@ class DressedBody:
 
 
 class Judged(NamedTuple):
-    """What became of a simulation.
+    """Verdict on a simulation.
 
     Attributes:
         status: "accepted", "rejected" or "failed", its `reason`, and how it was made: solver,
@@ -426,7 +423,7 @@ def _simulate(
 
 
 def _fabric(garment: Garment) -> Fabric:
-    name = garment.about["fabric"]
+    name = garment.attributes["fabric"]
     if name not in FABRICS:
         raise InputError(f"{garment.name} is of {name!r:.60}, expected {' or '.join(FABRICS)}")
     return FABRICS[name]

@@ -1,4 +1,4 @@
-"""What a cloth solver is given, how finely it is asked to work, and what it gives back."""
+"""Contract of cloth solvers: what they are given, how finely they work, and what they give back."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What cloth resists: springs along threads and diagonals, and hinges that bend."""
+"""Resistance of cloth: springs along threads and diagonals, and hinges that bend."""
 
 from dataclasses import dataclass
 
@@ -140,13 +140,12 @@ def _hinge_normals(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _thread_hinges(
     vertices: np.ndarray, quads: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hinges of three vertices in a row, and one beside the middle: first, last, middle, beside.
+    """Corners (H, 4), weights (H, 4) and area / length^4 (H,) of hinges along threads.
+
+    A hinge is of three vertices in a row, and one beside the middle.
 
     Where rows turn within the cloth, the weights take out what the second difference has in its
     plane.
-
-    Returns:
-        Corners (H, 4), weights (H, 4), area / length^4 (H,).
     """
     first, middle, last, beside = _rows_of_three(vertices, quads).T
     ways = [vertices[end] - vertices[middle] for end in (first, last, beside)]

@@ -327,8 +327,8 @@ def test_a_body_that_was_rejected_is_not_simulated(simulate, dressed):
 
 
 def test_a_fabric_that_is_not_in_the_table_is_refused(simulate, dressed):
-    about = {**dressed.outfit.garments[0].about, "fabric": "tin"}
-    garment = replace(dressed.outfit.garments[0], about=about)
+    attributes = {**dressed.outfit.garments[0].attributes, "fabric": "tin"}
+    garment = replace(dressed.outfit.garments[0], attributes=attributes)
     tinned = replace(dressed, outfit=replace(dressed.outfit, garments=(garment,)))
     with pytest.raises(InputError, match=r"Skirt is of 'tin', expected .*denim"):
         simulate(Follower(), dressed=tinned)

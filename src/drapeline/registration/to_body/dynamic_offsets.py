@@ -75,7 +75,7 @@ def dynamic_offsets(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Offsets of a garment in some frames.
+    """(N, V, 3) float32 metres: a garment's offsets in some frames, zero outside of the mask.
 
     Args:
         garment: its registration.
@@ -84,9 +84,6 @@ def dynamic_offsets(
         shape: (10,).
         poses: (N, 72) of the frames, rad.
         version: "posed" or "unposed".
-
-    Returns:
-        (N, V, 3) float32 metres, zero outside of the mask.
     """
     points = garment.points(cloth)
     if version == "posed":
@@ -108,14 +105,11 @@ def points_from_offsets(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Registered points in motion from dynamic offsets: the inverse of `dynamic_offsets`.
+    """(N, M, 3) root-relative metres: the inverse of `dynamic_offsets`, at the registered points.
 
     Args:
         garment, body, shape, poses, version: as for `dynamic_offsets`.
         offsets: (N, V, 3) what it returned, or a prediction.
-
-    Returns:
-        (N, M, 3) metres relative to the root joint.
     """
     dynamic = offsets[:, garment.vertex]
     if version == "posed":

@@ -25,7 +25,7 @@ _PLANE_M = 0.01  # a tangent plane stands for the surface this far around its ve
 
 @dataclass(frozen=True)
 class NicpSettings:
-    """How a garment is laid onto a body.
+    """Settings of the fit of a garment to a body.
 
     Attributes:
         stiffness: of the nodes, falling; for each there is one step of closest points and of
@@ -49,7 +49,7 @@ class NicpSettings:
     fine_stiffness: float = 3.0
 
 
-class Surface:
+class TargetSurface:
     """A body to lie on: closest points that face the same way.
 
     Args:
@@ -90,18 +90,15 @@ class Surface:
         return self.vertices[near] + along, ~self._open[near]
 
 
-def lay_on(
-    vertices: np.ndarray, triangles: np.ndarray, surface: Surface, settings: NicpSettings
+def fit_to_surface(
+    vertices: np.ndarray, triangles: np.ndarray, surface: TargetSurface, settings: NicpSettings
 ) -> np.ndarray:
-    """Deform a garment so that it lies on the surface.
+    """(V, 3) float64 metres of a garment deformed so that it lies on the surface.
 
     Args:
         vertices: (V, 3) metres, in rigid alignment with the surface.
         triangles: (F, 3) of one connected garment.
         surface: the body.
-
-    Returns:
-        (V, 3) float64.
     """
     rest = np.asarray(vertices, dtype=np.float64)
     count = len(rest)
@@ -214,7 +211,7 @@ class _Nodes:
         return total.toarray() / len(half)
 
     def lay(
-        self, rest: np.ndarray, surface: Surface, outward: Callable[[np.ndarray], np.ndarray]
+        self, rest: np.ndarray, surface: TargetSurface, outward: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
         """Places (V, 3) of the rest vertices after all steps; `outward` gives their normals."""
         places = rest

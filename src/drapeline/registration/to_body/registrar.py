@@ -28,7 +28,7 @@ from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
-from drapeline.registration.to_body.nicp import NicpSettings, Surface, lay_on
+from drapeline.registration.to_body.nicp import NicpSettings, TargetSurface, fit_to_surface
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
@@ -114,7 +114,7 @@ def _count_pieces(pairs: np.ndarray) -> int:
     return len(np.unique(label[used]))
 
 
-class Registration(NamedTuple):
+class RegisteredGarment(NamedTuple):
     """One garment on one body.
 
     Attributes:
@@ -145,7 +145,7 @@ class Registrar:
 
     def register(
         self, name: str, vertices: np.ndarray, faces: np.ndarray, body: np.ndarray
-    ) -> Registration:
+    ) -> RegisteredGarment:
         """Register one garment.
 
         Args:
@@ -163,13 +163,13 @@ class Registrar:
         if name in SKIRTS:
             mesh = self._skirt
             target = self._tube(body, garment, np.unique(boundary_edges(triangles)))
-        surface = Surface(target, mesh.faces, self._settings.turn_m)
-        laid = lay_on(garment, triangles, surface, self._settings)
+        surface = TargetSurface(target, mesh.faces, self._settings.turn_m)
+        laid = fit_to_surface(garment, triangles, surface, self._settings)
         match = correspond(target, mesh, laid, triangles)
         if not match.mask.any():
             raise InputError(f"{name}: covers no part of the body, expected a garment in its place")
         measures = round_trip(garment, triangles, body, mesh.faces, match)
-        return Registration(laid, match, match.offsets(garment, body), measures)
+        return RegisteredGarment(laid, match, match.offsets(garment, body), measures)
 
 
 def register_shard(
@@ -191,7 +191,7 @@ def register_shard(
     """
     rows: list[tuple] = []
     errors: list[dict[str, Any]] = []
-    for name, split, outfit in progress(outfits, total=len(outfits), label="outfits"):
+    for name, split, outfit in progress(outfits, label="outfits"):
         body = rest_body(bodies[outfit.gender], outfit.shape)
         for garment in outfit.garments:
             try:

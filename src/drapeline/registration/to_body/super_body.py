@@ -126,7 +126,7 @@ def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_ma
 
 
 @dataclass
-class _Surface:
+class _RefinedMesh:
     """A mesh under work, in lists since it grows by single vertices.
 
     Attributes:
@@ -148,7 +148,7 @@ def _start_at_smallest(faces: np.ndarray) -> np.ndarray:
     return np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
 
 
-def _cut_off(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _Surface:
+def _cut_off(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _RefinedMesh:
     mirror = mirror_of(template, body.faces)
     count = 0
     for snap in _SNAPS:
@@ -212,9 +212,9 @@ def _heights(
     return out
 
 
-def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _Surface:
+def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _RefinedMesh:
     """The part of the mesh with negative height, with new vertices where edges cross zero."""
-    surface = _Surface([], [], [], [])
+    surface = _RefinedMesh([], [], [], [])
     ids: dict[tuple[int, ...], int] = {}
 
     def vertex(key: tuple[int, ...], sources: dict[int, float]) -> int:
@@ -248,7 +248,7 @@ def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _Surfac
     return surface
 
 
-def _refine(surface: _Surface, vertices: int) -> _Surface:
+def _refine(surface: _RefinedMesh, vertices: int) -> _RefinedMesh:
     """Halve the longest edge again and again, and its mirror image with it."""
     points, faces = surface.points, surface.faces
     mirror = mirror_of(np.array(points), np.array(faces))
@@ -291,7 +291,7 @@ def _rank(points: list[list[float]], pair: tuple[int, int]) -> tuple[float, tupl
 
 
 def _halve(
-    surface: _Surface,
+    surface: _RefinedMesh,
     sides: dict[tuple[int, int], list[int]],
     queue: list[tuple[float, tuple[int, int]]],
     pair: tuple[int, int],

@@ -36,7 +36,7 @@ from drapeline.storage import atomic_folder, load_npz, save_npz
 
 
 class RemeshTable(NamedTuple):
-    """Where template vertices lie on a garment: corners (N, 3) int32, shares (N, 3) float32."""
+    """Places of template vertices on a garment: corners (N, 3) int32, shares (N, 3) float32."""
 
     corners: np.ndarray
     shares: np.ndarray
@@ -76,7 +76,7 @@ _REPAIRS_PER_RING = 5
 
 
 class Residual(NamedTuple):
-    """What a garment loses by its new topology, all but the last in millimetres.
+    """Losses of a garment by its new topology, all but the last in millimetres.
 
     Attributes:
         original_to_remeshed_mm: mean distance of the source's vertices from the new surface.
@@ -321,7 +321,7 @@ def write_tables(
     targets = {garment: FitTarget(template) for garment, template in templates.items()}
     tables: dict[str, dict[str, np.ndarray]] = {garment: {} for garment in templates}
     errors: list[dict[str, Any]] = []
-    for name, garment, vertices, faces in progress(wanted, total=len(wanted), label="garments"):
+    for name, garment, vertices, faces in progress(wanted, label="garments"):
         target = targets[garment]
         try:
             table = remesh_table(fit_to_template(vertices, faces, target, settings), target)

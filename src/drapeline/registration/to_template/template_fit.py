@@ -246,7 +246,7 @@ def _path(graph: sp.csr_matrix, start: np.ndarray, stop: np.ndarray) -> np.ndarr
 
 
 def _corner(line: np.ndarray) -> int:
-    """Which point of a line (n, 3) lies furthest from the straight one between its ends."""
+    """Index of the point of a line (n, 3) furthest from the straight one between its ends."""
     gap = line - line[0]
     chord = gap[-1]
     away = gap - (gap @ chord / (chord @ chord))[:, None] * chord

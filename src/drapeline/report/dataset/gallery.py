@@ -145,14 +145,11 @@ def _save_still(path: str | Path, picture: np.ndarray) -> None:
 
 
 def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
-    """Draw the middle frames of accepted samples, spread evenly over all of them.
+    """Draw the middle frames of accepted samples, spread evenly; returns their number.
 
     Args:
         samples: folders of all samples of the group.
         most: samples to show at most.
-
-    Returns:
-        Number of samples shown.
 
     Raises:
         InputError: no sample was accepted, or a file is unusable.
@@ -166,7 +163,7 @@ def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) ->
     shown = [records[row] for row in rows]
     pictures = [
         (render_still(record.folder, _SIZE), _caption(record.meta))
-        for record in progress(shown, total=len(shown), label="samples")
+        for record in progress(shown, label="samples")
     ]
     save_contact_sheet(path, pictures, min(_COLUMNS, len(pictures)), letter=11)
     return len(pictures)

@@ -11,7 +11,7 @@ from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.tables import STATUS
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FAINT, GREEN, SKY
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.style import place_legend_above, saved_figure, show_message
 from drapeline.schema import Table, read_table
 
@@ -228,7 +228,7 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
     rows = [
         {
             "Measure": "Samples accepted",
-            "Goal": Cell(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %", "number"),
+            "Goal": number(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %"),
             "Reached": _verdict(
                 f"{accepted} of {len(status)} ({100 * share:.0f} %)",
                 share >= ACCEPTED_SHARE_MIN,
@@ -245,7 +245,7 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
         rows.append(
             {
                 "Measure": measure.label,
-                "Goal": Cell(_goal(measure), "number"),
+                "Goal": number(_goal(measure)),
                 "Reached": _verdict(
                     " to ".join(f"{mean:.{measure.digits}f}" for mean in means),
                     measure.holds(*means),
@@ -260,8 +260,8 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
         rows.append(
             {
                 "Measure": "Simulation speed (frames/s on one core)",
-                "Goal": Cell("-", "number"),
-                "Reached": Cell(text, "number"),
+                "Goal": number("-"),
+                "Reached": number(text),
             }
         )
     return rows
@@ -276,8 +276,8 @@ def _goal(measure: HealthMeasure) -> str:
 
 def _verdict(text: str, good: bool, judged: bool = True) -> Cell:
     if not judged:
-        return Cell(text, "number")
-    return Cell(f"{'✓' if good else '✗'} {text}", "number", "good" if good else "bad")
+        return number(text)
+    return number(f"{'✓' if good else '✗'} {text}", "good" if good else "bad")
 
 
 def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[dict[str, str]]:
@@ -290,7 +290,7 @@ def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[di
             "Garments": row.garments.replace("+", " + "),
             "Motion": row.sequence,
             "Split": row.split,
-            "Tries": Cell(row.attempts, "number"),
+            "Tries": number(row.attempts),
         }
         for measure in MEASURES.values():
             heading = measure.short + (f" ({measure.unit})" if measure.unit else "")
@@ -301,9 +301,9 @@ def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[di
 
 def _sample_cell(measure: HealthMeasure, record: SampleRecord | None) -> Cell:
     if record is None:
-        return Cell("", "number")
+        return number("")
     values = [measure.values(record)[which] for which in measure.judged]
     if not np.isfinite(values).all():
-        return Cell("-", "number")
+        return number("-")
     text = " to ".join(f"{value:.{measure.digits}f}" for value in values)
-    return Cell(text, "number") if measure.holds(*values) else Cell(text, "number", "bad")
+    return number(text) if measure.holds(*values) else number(text, "bad")

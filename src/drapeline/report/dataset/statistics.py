@@ -17,7 +17,7 @@ from drapeline.dataset.statistics import NO_ACTION
 from drapeline.dataset.tables import ACTIONS, OVERVIEW, SAMPLES
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FABRIC_COLOURS, GENDER_COLOURS, QUIET, SERIES
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 from drapeline.schema import read_table
 
@@ -254,12 +254,10 @@ def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
     return [
         {
             "Action": label,
-            "Sequences": Cell(row["sequences"], "number"),
-            "Frames": Cell(row["frames"], "number"),
-            OURS: Cell(row["percent"], "number"),
-            THEIRS: Cell(
-                f"{_TABLE_2[label]:.2f} %" if label in _TABLE_2 else "-", "number", "theirs"
-            ),
+            "Sequences": number(row["sequences"]),
+            "Frames": number(row["frames"]),
+            OURS: number(row["percent"]),
+            THEIRS: number(f"{_TABLE_2[label]:.2f} %" if label in _TABLE_2 else "-", "theirs"),
         }
         for label, row in texts.iterrows()
     ]
@@ -267,9 +265,6 @@ def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
 
 def _by_split(overview: pd.DataFrame) -> list[dict[str, str]]:
     return [
-        {
-            key.capitalize(): text if key == "measure" else Cell(text, "number")
-            for key, text in row.items()
-        }
+        {key.capitalize(): text if key == "measure" else number(text) for key, text in row.items()}
         for row in overview.to_dict("records")
     ]

@@ -7,7 +7,7 @@ from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.report.html import Cell
+from drapeline.report.html import number
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.schema import Table
 
@@ -142,7 +142,7 @@ def _printed_scans() -> list[dict[str, object]]:
     return [
         {"Method": method}
         | {
-            name.capitalize(): Cell("-" if error is None else f"{error:g}", "number", "theirs")
+            name.capitalize(): number("-" if error is None else f"{error:g}", "theirs")
             for name, error in zip(CLASSES, errors, strict=False)
         }
         for method, errors in _PRINTED.items()

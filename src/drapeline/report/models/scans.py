@@ -54,10 +54,7 @@ def plot_scans(
     titles = {name: one.short for name, one in variants("scan").items() if one.short}
     titles[TRUE] = "simulated"
     columns = [name for name in titles if any(name in found[scan.name] for scan in shown)]
-    rows = [
-        _row(scan, found[scan.name], columns)
-        for scan in progress(shown, total=len(shown), label="scans")
-    ]
+    rows = [_row(scan, found[scan.name], columns) for scan in progress(shown, label="scans")]
     save_grid(
         path,
         rows,

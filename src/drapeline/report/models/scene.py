@@ -140,7 +140,7 @@ _STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
 
 
 @dataclass(frozen=True)
-class View:
+class GarmentPicture:
     """One picture of a garment.
 
     Attributes:
@@ -158,7 +158,7 @@ class View:
 
 
 def view_picture(
-    view: View, *, size: tuple[int, int] = (240, 250), samples: int = 14
+    view: GarmentPicture, *, size: tuple[int, int] = (240, 250), samples: int = 14
 ) -> np.ndarray:
     """(height, width, 3) uint8 picture; the same scale for all views of one size."""
     parts = []
@@ -178,7 +178,7 @@ def view_picture(
 
 def plot_views(
     path: str | Path,
-    rows: Mapping[str, Sequence[View]],
+    rows: Mapping[str, Sequence[GarmentPicture]],
     *,
     columns: Sequence[str] = (),
     heat: bool = False,
@@ -192,7 +192,7 @@ def plot_views(
     """
     pictures = [
         [view_picture(view) for view in views]
-        for views in progress(rows.values(), total=len(rows), label="pictures")
+        for views in progress(rows.values(), label="pictures")
     ]
     save_grid(
         path,
@@ -205,11 +205,11 @@ def plot_views(
 
 def wearer_view(
     wearer: Mesh,
-    colour: Sequence[float] = View.colour,
+    colour: Sequence[float] = GarmentPicture.colour,
     front: tuple[float, float] = Scene.front,
-) -> View:
+) -> GarmentPicture:
     """A view without a garment yet: the wearer on the floor, in the middle of the picture."""
     low, high = wearer.vertices.min(axis=0), wearer.vertices.max(axis=0)
     middle = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
     scene = Scene(target=(*middle, _TARGET_HEIGHT_M), front=front, floor_z=float(low[2]))
-    return View(None, wearer, colour, scene=scene)
+    return GarmentPicture(None, wearer, colour, scene=scene)

@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.metrics.registry import variants
 from drapeline.metrics.smplicit import MODEL
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.storage import atomic_file, read_rows
 
@@ -165,8 +165,8 @@ def _axes(model: str, tables: GalleryTables) -> list[dict[str, object]]:
     for row in tables.correlations:
         start = {
             "Model": model,
-            "Axis": Cell(row["axis"], "number"),
-            "Deviation": Cell(f"{float(row['deviation']):.3f}", "number"),
+            "Axis": number(row["axis"]),
+            "Deviation": number(f"{float(row['deviation']):.3f}"),
         }
         entry = rows.setdefault(row["axis"], start)
         entry[row["title"].capitalize()] = _number(row["correlation"], 2)
@@ -182,7 +182,7 @@ def _told(model: str, tables: GalleryTables) -> list[dict[str, object]]:
             "Unit": row["unit"],
             "Mean": _number(row["mean"], 1),
             "Deviation": _number(row["deviation"], 1),
-            "Garments": Cell(row["garments"], "number"),
+            "Garments": number(row["garments"]),
             "Explained share": _number(row["explained_share"], 2),
         }
         for row in tables.regressions
@@ -220,11 +220,9 @@ def _samples(model: str, tables: GalleryTables) -> list[dict[str, object]]:
         {
             "Model": model,
             "Drawn from": title,
-            "Number": Cell(len(rows), "number"),
-            "Like training garments": Cell(
-                sum(row["like_training"] == "true" for row in rows), "number"
-            ),
-            "Nothing left": Cell(sum(row["vertices"] == "0" for row in rows), "number"),
+            "Number": number(len(rows)),
+            "Like training garments": number(sum(row["like_training"] == "true" for row in rows)),
+            "Nothing left": number(sum(row["vertices"] == "0" for row in rows)),
             "Inside the body (%)": _mean([100 * _value(row["inside_share"]) for row in rows], 2),
         }
         for title in dict.fromkeys(row["row"] for row in samples)
@@ -237,9 +235,9 @@ def _value(text: str) -> float:
 
 
 def _number(text: str, digits: int) -> Cell:
-    return Cell(f"{float(text):.{digits}f}" if text else "-", "number")
+    return number(f"{float(text):.{digits}f}" if text else "-")
 
 
 def _mean(values: Sequence[float] | np.ndarray, digits: int) -> Cell:
     known = [value for value in values if np.isfinite(value)]
-    return Cell(f"{np.mean(known):.{digits}f}" if known else "-", "number")
+    return number(f"{np.mean(known):.{digits}f}" if known else "-")
