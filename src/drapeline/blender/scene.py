@@ -7,10 +7,7 @@ import numpy as np
 
 
 def add_mesh(
-    name: str,
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    colour: Sequence[float] = (0.6, 0.6, 0.6),
+    name: str, vertices: np.ndarray, faces: np.ndarray, colour: Sequence[float] = (0.6, 0.6, 0.6)
 ) -> bpy.types.Object:
     """Add a smooth-shaded mesh object, vertices (V, 3) metres, to the current scene."""
     data = bpy.data.meshes.new(name)

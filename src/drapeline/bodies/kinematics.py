@@ -115,11 +115,7 @@ def pose_feature(rotations: Array) -> Array:
 
 
 def skin_body(
-    vertices: Array,
-    joints: Array,
-    weights: Array,
-    poses: Array,
-    posedirs: Array | None = None,
+    vertices: Array, joints: Array, weights: Array, poses: Array, posedirs: Array | None = None
 ) -> tuple[Array, Array]:
     """Pose a body as SMPL does; differentiable in every argument where those are torch's.
 

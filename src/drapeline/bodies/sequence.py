@@ -77,11 +77,7 @@ class BodySequence:
 
 
 def body_sequence_vertices(
-    body: BodyModel,
-    record: BodySequence,
-    *,
-    world: bool = False,
-    frames: slice = slice(None),
+    body: BodyModel, record: BodySequence, *, world: bool = False, frames: slice = slice(None)
 ) -> np.ndarray:
     """(n, V, 3) float32 metres: the body's vertices, self-collision corrections included.
 

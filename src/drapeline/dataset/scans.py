@@ -233,7 +233,7 @@ def _check_distance(
 
 # What is wrong with these is told in more words below.
 _PARAMETERS = {
-    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?", "joints?"), "any|nan ..."),
+    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?", "joints?"), "any|nan ...")
 }
 
 

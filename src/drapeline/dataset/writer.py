@@ -21,14 +21,7 @@ from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.manifest import write_manifest
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
-from drapeline.storage import (
-    atomic_folder,
-    link_or_copy,
-    load_npz,
-    read_json,
-    save_npz,
-    write_json,
-)
+from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
 
 META_VERSION = 1
 CONVENTIONS = {

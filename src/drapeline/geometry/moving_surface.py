@@ -14,11 +14,7 @@ _DEVICE = "cpu"
 
 
 @wp.kernel
-def _find_crossing(
-    mesh: wp.uint64,
-    pairs: wp.array(dtype=wp.vec2i),
-    crossing: wp.array(dtype=int),
-):
+def _find_crossing(mesh: wp.uint64, pairs: wp.array(dtype=wp.vec2i), crossing: wp.array(dtype=int)):
     edge = wp.tid()
     points = wp.mesh_get(mesh).points
     corners = wp.mesh_get(mesh).indices

@@ -26,10 +26,7 @@ from drapeline.metrics.registered import (
 )
 from drapeline.metrics.table import join, summarise
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body.dynamic_offsets import (
-    dynamic_offsets,
-    points_from_offsets,
-)
+from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets, points_from_offsets
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -328,12 +325,7 @@ def moving_baseline_summary(
             model = "truth" if name == "moving" else "baseline"
             found.append(
                 summarise(
-                    every,
-                    model=model,
-                    variant=name,
-                    split=split,
-                    seed=seed,
-                    stream=(name, split),
+                    every, model=model, variant=name, split=split, seed=seed, stream=(name, split)
                 )
             )
     return join(found)

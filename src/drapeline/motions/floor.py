@@ -9,11 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import (
-    gaussian_filter1d,
-    maximum_filter1d,
-    minimum_filter1d,
-)
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES

@@ -219,12 +219,7 @@ SEAM_S = 0.8  # the mismatch between a cycle's ends is blended out over this tim
 
 
 def close_cycle(
-    poses: np.ndarray,
-    trans: np.ndarray,
-    times_s: np.ndarray,
-    *,
-    fps: float,
-    straight: bool = False,
+    poses: np.ndarray, trans: np.ndarray, times_s: np.ndarray, *, fps: float, straight: bool = False
 ) -> tuple[np.ndarray, np.ndarray, Cycle]:
     """Close one round of a cyclic motion whose last pose nearly equals its first.
 

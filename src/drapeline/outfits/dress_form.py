@@ -193,11 +193,7 @@ def _landmarks(points: np.ndarray, part: np.ndarray, joint: Mapping[str, np.ndar
 
 
 def _outlines(
-    along: np.ndarray,
-    plane: np.ndarray,
-    start: float,
-    stop: float,
-    axis: np.ndarray | None = None,
+    along: np.ndarray, plane: np.ndarray, start: float, stop: float, axis: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hull outlines of points by slices: centres (S, 2) and radii (S, ANGLES), gaps filled.
 

@@ -76,13 +76,7 @@ class Outfit:
 
 
 OUTFIT_JSON = {
-    "garments": [
-        {
-            "name": str,
-            "fabric": str,
-            "texture": {"type": str, "data?": 3 * [float]},
-        }
-    ],
+    "garments": [{"name": str, "fabric": str, "texture": {"type": str, "data?": 3 * [float]}}],
     "gender": str,
     "shape": 10 * [float],
     "tightness": 2 * [float],

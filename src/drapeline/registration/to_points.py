@@ -191,11 +191,7 @@ class SmoothnessSolver:
 
 
 def point_pull(
-    garment: np.ndarray,
-    points: np.ndarray,
-    chosen: np.ndarray,
-    faces: np.ndarray,
-    reach_m: float,
+    garment: np.ndarray, points: np.ndarray, chosen: np.ndarray, faces: np.ndarray, reach_m: float
 ) -> np.ndarray:
     """Mean offset from the garment to the points around each vertex, (F, N, 3) metres.
 
@@ -233,11 +229,7 @@ def point_pull(
 
 
 def body_push(
-    garment: np.ndarray,
-    body: np.ndarray,
-    normals: np.ndarray,
-    nearest: np.ndarray,
-    gap_m: float,
+    garment: np.ndarray, body: np.ndarray, normals: np.ndarray, nearest: np.ndarray, gap_m: float
 ) -> np.ndarray:
     """Offsets that move vertices to `gap_m` above the body, (F, N, 3) metres.
 

@@ -54,11 +54,7 @@ class Camera:
 
 
 def look_at(
-    position: np.ndarray,
-    target: np.ndarray,
-    *,
-    focal_px: float,
-    size: tuple[int, int],
+    position: np.ndarray, target: np.ndarray, *, focal_px: float, size: tuple[int, int]
 ) -> Camera:
     """A camera at `position` that has `target` in the middle of the picture and +Z upwards.
 

@@ -16,10 +16,7 @@ _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
 # PNG is shown by a Snakemake report; WebP, in full colour, is smaller still.
-_FORMATS = {
-    ".png": {"format": "PNG"},
-    ".webp": {"format": "WEBP", "quality": 85, "method": 6},
-}
+_FORMATS = {".png": {"format": "PNG"}, ".webp": {"format": "WEBP", "quality": 85, "method": 6}}
 _COLOURS = 256
 # Steps between the palest ones, and to white, would be seen where shadows fade out.
 _PALE = np.repeat(np.arange(225, 256, 2, dtype=np.uint8)[:, None], 3, axis=1)
@@ -106,11 +103,7 @@ def save_grid(
 
 
 def save_contact_sheet(
-    path: str | Path,
-    pictures: Sequence[tuple[np.ndarray, str]],
-    columns: int,
-    *,
-    letter: int = 14,
+    path: str | Path, pictures: Sequence[tuple[np.ndarray, str]], columns: int, *, letter: int = 14
 ) -> None:
     """Write a PNG of pictures that fill rows one after the other, each above its caption.
 
@@ -129,9 +122,7 @@ def save_contact_sheet(
     captions = [_in_lines(caption, font, width) for _, caption in pictures]
     below = round((1.25 * max(caption.count("\n") + 1 for caption in captions) + 0.45) * letter)
     sheet = Image.new(
-        "RGB",
-        (columns * (width + gap) + gap, rows * (height + below + gap) + gap),
-        _PAPER,
+        "RGB", (columns * (width + gap) + gap, rows * (height + below + gap) + gap), _PAPER
     )
     draw = ImageDraw.Draw(sheet)
     for index, ((picture, _), caption) in enumerate(zip(pictures, captions, strict=True)):

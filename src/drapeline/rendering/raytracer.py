@@ -293,12 +293,7 @@ def _alike(place: wp.vec3, normal: wp.vec3, other: wp.vec3, its_normal: wp.vec3)
 
 
 @wp.kernel
-def _expose(
-    surfaces: _Surfaces,
-    view: _View,
-    pixels: _Pixels,
-    light: wp.array(dtype=wp.vec4),
-):
+def _expose(surfaces: _Surfaces, view: _View, pixels: _Pixels, light: wp.array(dtype=wp.vec4)):
     """See what each pixel's middle shows, and sample the light there."""
     pixel = wp.tid()
     column = pixel % view.width

@@ -262,11 +262,7 @@ def _strip(pictures: Sequence[str | Path]) -> str:
     return f'<div class="shown">{images}</div>' if images else ""
 
 
-def _sheet(
-    status: Table,
-    worn: Mapping[str, str],
-    pictures: Mapping[str, str | Path],
-) -> str:
+def _sheet(status: Table, worn: Mapping[str, str], pictures: Mapping[str, str | Path]) -> str:
     """All samples in small or, of very many, as many as the page has room for."""
     shown = status[status["sample"].isin([*pictures])]
     rows = _evenly(list(shown.itertuples()), _SHEET_MAX)

@@ -16,12 +16,7 @@ from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, write_table
 
 MEAN_OF_TYPES = "Mean of types"
-_HEADINGS = {
-    "variant": "Model",
-    "garment": "Garment",
-    "metric": "Measure",
-    "source": "Samples",
-}
+_HEADINGS = {"variant": "Model", "garment": "Garment", "metric": "Measure", "source": "Samples"}
 _PRINTED = Schema(
     "numbers that a paper prints",
     {

@@ -64,12 +64,7 @@ class Pins:
 
 
 def elastic_shrinkage(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    elastic: np.ndarray,
-    body: np.ndarray,
-    *,
-    gap_m: float,
+    vertices: np.ndarray, faces: np.ndarray, elastic: np.ndarray, body: np.ndarray, *, gap_m: float
 ) -> np.ndarray:
     """Share (V,) by which rest lengths shrink so that elastic bands lie on the body.
 

@@ -162,11 +162,7 @@ def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) ->
     ways = cloth[start] - cloth[end]
     ratio = np.sqrt(np.einsum("ei,ei->e", ways, ways)) / rest_lengths_m
     low, middle, high = np.percentile(ratio, [1, 50, 99]) if len(ratio) else 3 * [np.nan]
-    return {
-        "stretch_p01": float(low),
-        "stretch_p50": float(middle),
-        "stretch_p99": float(high),
-    }
+    return {"stretch_p01": float(low), "stretch_p50": float(middle), "stretch_p99": float(high)}
 
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -132,11 +132,7 @@ class ClothSolver(Protocol):
         ...
 
     def simulate(
-        self,
-        garments: Sequence[ClothGarment],
-        body: MovingBody,
-        attempt: Attempt,
-        scratch: Path,
+        self, garments: Sequence[ClothGarment], body: MovingBody, attempt: Attempt, scratch: Path
     ) -> Iterator[Sequence[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment, world metres, for each frame of the body.
 

@@ -459,10 +459,7 @@ class BodySurface:
                 *(self._faces, self._points, self._start, self._end),
                 *(self._start_normals, self._end_normals, clock, place, self._reaches, *found),
             ],
-            outputs=[
-                *known,
-                *(self.from_place, self.to_place, self.from_normal, self.to_normal),
-            ],
+            outputs=[*known, *(self.from_place, self.to_place, self.from_normal, self.to_normal)],
         )
 
     def find_clearance(self, clearance_m: float) -> None:

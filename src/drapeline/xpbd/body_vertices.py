@@ -180,11 +180,7 @@ class CoveredVertices:
         )
 
     def find(
-        self,
-        place: wp.array,
-        body: tuple[wp.array, wp.array, wp.array],
-        *,
-        margin_m: float,
+        self, place: wp.array, body: tuple[wp.array, wp.array, wp.array], *, margin_m: float
     ) -> None:
         """Find them for a frame that begins.
 

@@ -3,13 +3,7 @@
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import (
-    LaneFloats,
-    LaneInts,
-    lay_in_lanes,
-    make_patches,
-    repeat_first,
-)
+from drapeline.geometry.lanes import LaneFloats, LaneInts, lay_in_lanes, make_patches, repeat_first
 from drapeline.xpbd.contact import Moves, held_slip, move, narrowed
 from drapeline.xpbd.lanes import ASIDE, SMALLEST_M4, find_near_in_lanes
 

@@ -60,11 +60,7 @@ class XpbdCloth:
         return {"warp": wp.config.version}
 
     def simulate(
-        self,
-        garments: Sequence[ClothGarment],
-        body: MovingBody,
-        attempt: Attempt,
-        scratch: Path,
+        self, garments: Sequence[ClothGarment], body: MovingBody, attempt: Attempt, scratch: Path
     ) -> Iterator[list[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment for each frame; see `ClothSolver`."""
         start_warp()

@@ -304,11 +304,7 @@ class MovingCloth:
         self._measure = record(
             measure_strain,
             len(springs.pairs),
-            [
-                wp.array(springs.pairs, dtype=wp.vec2i),
-                _numbers(springs.lengths_m),
-                self._place,
-            ],
+            [wp.array(springs.pairs, dtype=wp.vec2i), _numbers(springs.lengths_m), self._place],
             [self._strain],
         )
         self._contacts = self._record_contacts(triangles, layers, pairs)

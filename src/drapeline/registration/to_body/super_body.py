@@ -334,11 +334,7 @@ def _places(sources: Iterable[dict[int, float]]) -> tuple[np.ndarray, np.ndarray
 
 
 def _carry_over(
-    body: BodyModel,
-    faces: np.ndarray,
-    owner: np.ndarray,
-    corners: np.ndarray,
-    shares: np.ndarray,
+    body: BodyModel, faces: np.ndarray, owner: np.ndarray, corners: np.ndarray, shares: np.ndarray
 ) -> BodyModel:
     """Carry a body model over to the refined surface."""
     count = len(body.v_template)
@@ -394,11 +390,7 @@ def _regressor(
 
 
 def _texture(
-    body: BodyModel,
-    faces: np.ndarray,
-    owner: np.ndarray,
-    corners: np.ndarray,
-    shares: np.ndarray,
+    body: BodyModel, faces: np.ndarray, owner: np.ndarray, corners: np.ndarray, shares: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Texture coordinates; a vertex on a seam has one for each side, as in the file."""
     if body.vt is None or body.ft is None:

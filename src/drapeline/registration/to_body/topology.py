@@ -238,11 +238,7 @@ def _key(a: int, b: int) -> tuple[int, int]:
 
 
 def _inner_leg(
-    rest: np.ndarray,
-    faces: np.ndarray,
-    joined: np.ndarray,
-    chains: np.ndarray,
-    levels: np.ndarray,
+    rest: np.ndarray, faces: np.ndarray, joined: np.ndarray, chains: np.ndarray, levels: np.ndarray
 ) -> np.ndarray:
     """(V,) vertices of the inner sides: deep below the hull around both legs, in one piece."""
     pairs = edges(faces)

@@ -27,12 +27,7 @@ LOOP_NAMES = {
     "Tshirt": ("neck", "hem", "left_cuff", "right_cuff"),
     "Trousers": ("waist", "left_cuff", "right_cuff"),
 }
-_ARRAYS = {
-    "vertices": "float n 3",
-    "faces": "int<n * 3",
-    "loop": "int n",
-    "loop_names": "str *",
-}
+_ARRAYS = {"vertices": "float n 3", "faces": "int<n * 3", "loop": "int n", "loop_names": "str *"}
 
 
 @dataclass(frozen=True)

@@ -312,10 +312,7 @@ def _line_shares(line: np.ndarray) -> np.ndarray:
 
 
 def _draw_to_surface(
-    places: np.ndarray,
-    triangles: np.ndarray,
-    held: np.ndarray,
-    target: FitTarget,
+    places: np.ndarray, triangles: np.ndarray, held: np.ndarray, target: FitTarget
 ) -> np.ndarray:
     """Draw vertices, but for those held, to the closest cloth that faces the same way."""
     laplacian = uniform_laplacian(triangles, len(places))

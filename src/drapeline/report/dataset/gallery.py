@@ -97,12 +97,7 @@ def _middle_shot(sample: Sample, parts: Sequence[ScenePart], size: tuple[int, in
 
 
 def _shot(
-    sample: Sample,
-    parts: Sequence[ScenePart],
-    frame: int,
-    camera: Camera,
-    *,
-    samples: int = 16,
+    sample: Sample, parts: Sequence[ScenePart], frame: int, camera: Camera, *, samples: int = 16
 ) -> np.ndarray:
     painted = [
         ColouredMesh(

@@ -230,8 +230,7 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
             "Measure": "Samples accepted",
             "Goal": number(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %"),
             "Reached": _verdict(
-                f"{accepted} of {len(status)} ({100 * share:.0f} %)",
-                share >= ACCEPTED_SHARE_MIN,
+                f"{accepted} of {len(status)} ({100 * share:.0f} %)", share >= ACCEPTED_SHARE_MIN
             ),
         }
     ]

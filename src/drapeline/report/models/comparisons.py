@@ -45,10 +45,7 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
         count="",
     )
     distances = replace(
-        codes,
-        garments=(*TEMPLATE_TYPES, ALL),
-        digits=dict.fromkeys(_WAYS, 2),
-        count="Garments",
+        codes, garments=(*TEMPLATE_TYPES, ALL), digits=dict.fromkeys(_WAYS, 2), count="Garments"
     )
     write_sections(
         path,
@@ -57,7 +54,7 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
             "All garments of these types in the test split of static outfits, which no model has"
             " seen. Mean distances over the area of the surfaces in mm, with 95 % intervals over"
             " outfits. No code can recover what registration loses, which the rows without a code"
-            " show.",
+            " show."
         ],
         [
             *(
@@ -102,7 +99,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
             " over samples. Models are compared on the garments that they know, so rows with other"
             f" numbers of garments are not about the same garments; the column"
             f" '{COMMON.capitalize()}' has the means over t-shirts, trousers and skirts, which all"
-            " models know.",
+            " models know."
         ],
         [
             *(

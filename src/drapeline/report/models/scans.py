@@ -9,12 +9,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.predictions import (
-    BODY,
-    TRUE,
-    Fits,
-    load_fitted_scans,
-)
+from drapeline.metrics.predictions import BODY, TRUE, Fits, load_fitted_scans
 from drapeline.metrics.registry import variants
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card

@@ -61,10 +61,7 @@ class Scene:
         )
 
     def picture(
-        self,
-        parts: Sequence[ColouredMesh],
-        size: tuple[int, int] = PICTURE_SIZE,
-        samples: int = 10,
+        self, parts: Sequence[ColouredMesh], size: tuple[int, int] = PICTURE_SIZE, samples: int = 10
     ) -> np.ndarray:
         """(height, width, 3) uint8 picture of meshes, at a size (width, height)."""
         lift = np.array([0.0, 0.0, -self.floor_z])

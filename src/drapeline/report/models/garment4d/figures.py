@@ -312,11 +312,7 @@ def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3)
 
 
 def curve(
-    measured: Table,
-    prefix: str,
-    garment: str,
-    name: str,
-    ends: Mapping[float, str] | None = None,
+    measured: Table, prefix: str, garment: str, name: str, ends: Mapping[float, str] | None = None
 ) -> pd.DataFrame:
     """A metric of the variants `{prefix}_{number}`, by rising number.
 
@@ -394,11 +390,7 @@ def plot_accuracy_curve(path: str | Path, measured: Table) -> None:
 
 
 def _plot_robustness(
-    path: str | Path,
-    measured: Table,
-    prefix: str,
-    ends: Mapping[float, str] | None,
-    label: str,
+    path: str | Path, measured: Table, prefix: str, ends: Mapping[float, str] | None, label: str
 ) -> None:
     """Curves of the posed garments, with what skinning alone reaches dashed."""
     name = "vertex_error_mm"

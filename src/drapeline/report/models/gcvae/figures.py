@@ -50,9 +50,7 @@ def error_views(case: GarmentCase) -> list[GarmentPicture]:
         replace(view, garment=case.original),
         replace(view, garment=registered),
         replace(
-            heat,
-            garment=case.original,
-            error_mm=distances_mm(case.original.vertices, registered),
+            heat, garment=case.original, error_mm=distances_mm(case.original.vertices, registered)
         ),
         replace(view, garment=made),
         replace(

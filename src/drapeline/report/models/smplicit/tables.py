@@ -80,7 +80,7 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
             " 95 % intervals from resampling outfits; distances are means over the area of the"
             " surface. Codes start at what the image encoder makes of the occlusion image and a"
             " style of zero, and are fitted to samples of the garment's distance field. The best"
-            " of each model is green.",
+            " of each model is green."
         ],
         _SECTIONS,
         read_test_metrics(metrics, [MODEL]),
