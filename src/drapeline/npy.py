@@ -29,18 +29,12 @@ class HeaderError(ValueError):
 
 @dataclass(frozen=True)
 class Header:
-    """Description of an array in its `.npy` file.
+    """Description of an array in its `.npy` file."""
 
-    Attributes:
-        dtype: of numbers, truth values or text.
-        fortran: whether the first axis varies fastest.
-        size: bytes of the header.
-    """
-
-    dtype: np.dtype
+    dtype: np.dtype  # of numbers, truth values or text
     shape: tuple[int, ...]
-    fortran: bool
-    size: int
+    fortran: bool  # whether the first axis varies fastest
+    size: int  # bytes of the header
 
     @property
     def nbytes(self) -> int:

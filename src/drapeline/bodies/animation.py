@@ -28,17 +28,11 @@ CONTACT_M = 0.015  # a foot whose lowest vertex is below this height stands
 
 @dataclass(frozen=True)
 class GroundContact:
-    """Contact of a placed motion with the floor z = 0.
+    """Contact of a placed motion with the floor z = 0."""
 
-    Attributes:
-        penetration_m: greatest depth of any vertex below the floor.
-        mean_penetration_m: depth of each frame's lowest vertex below the floor, averaged.
-        foot_sliding_m_s: mean horizontal speed of a standing foot's lowest vertex; 0 if no
-            foot ever stands.
-    """
-
-    penetration_m: float
-    mean_penetration_m: float
+    penetration_m: float  # greatest depth of any vertex below the floor
+    mean_penetration_m: float  # depth of each frame's lowest vertex below the floor, averaged
+    # Mean horizontal speed of a standing foot's lowest vertex; 0 if no foot ever stands.
     foot_sliding_m_s: float
 
 
@@ -187,18 +181,12 @@ def first_free_sequence(
 
 @dataclass(frozen=True)
 class _Freed:
-    """A body in motion after its parts were pressed apart.
+    """A body in motion after its parts were pressed apart."""
 
-    Attributes:
-        shape: (10,).
-        vertices: (N, V, 3) root-relative, as posed.
-        thinned: how many times the body was made thinner.
-    """
-
-    shape: np.ndarray
-    vertices: np.ndarray
+    shape: np.ndarray  # (10,)
+    vertices: np.ndarray  # (N, V, 3) root-relative, as posed
     solution: Solution
-    thinned: int = 0
+    thinned: int = 0  # how many times the body was made thinner
 
     @property
     def free(self) -> bool:

@@ -33,20 +33,14 @@ SOCKETS = CAVITIES[:2]
 
 @dataclass(frozen=True)
 class ClosedSurface:
-    """A closed triangle mesh whose vertices are fixed mixtures of Anny's.
+    """A closed triangle mesh whose vertices are fixed mixtures of Anny's."""
 
-    Attributes:
-        mixture: (V, A) sparse rows that sum to one; A is Anny's vertex count.
-        faces: (F, 3) int32.
-        vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates.
-        mirror: (V,) int64, the vertex at the mirrored place.
-    """
-
-    mixture: csr_matrix
-    faces: np.ndarray
+    mixture: csr_matrix  # (V, A) sparse rows that sum to one; A is Anny's vertex count
+    faces: np.ndarray  # (F, 3) int32
+    # vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates.
     vt: np.ndarray
     ft: np.ndarray
-    mirror: np.ndarray
+    mirror: np.ndarray  # (V,) int64, the vertex at the mirrored place
 
 
 def closed_surface(

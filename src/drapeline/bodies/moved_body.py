@@ -22,17 +22,11 @@ UNKNOWNS = SHAPE.stop
 
 
 class BodyState(NamedTuple):
-    """Shape and place of a body.
+    """Shape and place of a body."""
 
-    Attributes:
-        rotations: (24, 3, 3) of each joint against its parent.
-        trans: (3,) the root joint, metres.
-        shape: (10,).
-    """
-
-    rotations: np.ndarray
-    trans: np.ndarray
-    shape: np.ndarray
+    rotations: np.ndarray  # (24, 3, 3) of each joint against its parent
+    trans: np.ndarray  # (3,) the root joint, metres
+    shape: np.ndarray  # (10,)
 
     @classmethod
     def of(cls, pose: np.ndarray, trans: np.ndarray, shape: np.ndarray) -> "BodyState":
@@ -59,17 +53,11 @@ class BodyState(NamedTuple):
 
 
 class SkinPoints(NamedTuple):
-    """Points of a body's surface, in SMPL's T-pose relative to the root joint.
+    """Points of a body's surface, in SMPL's T-pose relative to the root joint."""
 
-    Attributes:
-        places: (P, 3) metres.
-        weights: (P, 24) of skinning.
-        by_shape: (P, 3, 10) change of the places per unit of shape.
-    """
-
-    places: np.ndarray
-    weights: np.ndarray
-    by_shape: np.ndarray
+    places: np.ndarray  # (P, 3) metres
+    weights: np.ndarray  # (P, 24) of skinning
+    by_shape: np.ndarray  # (P, 3, 10) change of the places per unit of shape
 
 
 class MovedBody:

@@ -105,25 +105,16 @@ PAIRS = _pairs()
 
 @dataclass(frozen=True)
 class BodyParts:
-    """Parts of a body's mesh, as far as they do not change with the pose.
+    """Parts of a body's mesh, as far as they do not change with the pose."""
 
-    Attributes:
-        faces: (F, 3).
-        part_vertices: ids of each part's vertices.
-        part_edges: (E', 2) edges within each part.
-        part_faces: (F', 3) faces with two or three corners in each part.
-        faces_of: (V, F) sparse, with ones where a face has a vertex.
-        neighbours: (V, V) sparse adjacency with ones on the diagonal.
-        seam: (V, P) bool, vertices within two rings of each part: where parts join, their
-            closeness means nothing.
-    """
-
-    faces: np.ndarray
-    part_vertices: tuple[np.ndarray, ...]
-    part_edges: tuple[np.ndarray, ...]
-    part_faces: tuple[np.ndarray, ...]
-    faces_of: csr_matrix
-    neighbours: csr_matrix
+    faces: np.ndarray  # (F, 3)
+    part_vertices: tuple[np.ndarray, ...]  # ids of each part's vertices
+    part_edges: tuple[np.ndarray, ...]  # (E', 2) edges within each part
+    part_faces: tuple[np.ndarray, ...]  # (F', 3) faces with two or three corners in each part
+    faces_of: csr_matrix  # (V, F) sparse, with ones where a face has a vertex
+    neighbours: csr_matrix  # (V, V) sparse adjacency with ones on the diagonal
+    # (V, P) bool, vertices within two rings of each part: where parts join, their closeness means
+    # nothing.
     seam: np.ndarray
 
     def around(self, ids: np.ndarray) -> np.ndarray:
@@ -298,23 +289,17 @@ PASSES = 4
 
 @dataclass(frozen=True)
 class Solution:
-    """Sparse corrections of a sequence, and how deep each collision was.
+    """Sparse corrections of a sequence, and how deep each collision was."""
 
-    Attributes:
-        frame, vertex: (m,) int32.
-        delta: (m, 3) float32 metres.
-        depth_m: (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to
-            move in each frame; 0 where the parts do not collide.
-        leftover: (N, P) bool, parts that still cross after the last pass.
-        removed: names of the parts that were left out.
-    """
-
+    # frame, vertex: (m,) int32.
     frame: np.ndarray
     vertex: np.ndarray
-    delta: np.ndarray
+    delta: np.ndarray  # (m, 3) float32 metres
+    # (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to move in each
+    # frame; 0 where the parts do not collide.
     depth_m: np.ndarray
-    leftover: np.ndarray
-    removed: frozenset[str]
+    leftover: np.ndarray  # (N, P) bool, parts that still cross after the last pass
+    removed: frozenset[str]  # names of the parts that were left out
 
     def unsolved(self) -> np.ndarray:
         """(N, P) bool: deeper than the pair's limit."""
@@ -449,14 +434,10 @@ def _solve_frame(
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Places of two parts that are close.
+    """Places of two parts that are close."""
 
-    Attributes:
-        near: ids of both parts' vertices in the region where they meet.
-        inside: ids of the first part's vertices inside the second, and the reverse.
-    """
-
-    near: tuple[np.ndarray, np.ndarray]
+    near: tuple[np.ndarray, np.ndarray]  # ids of both parts' vertices in the region where they meet
+    # Ids of the first part's vertices inside the second, and the reverse.
     inside: tuple[np.ndarray, np.ndarray]
 
 

@@ -12,65 +12,41 @@ from drapeline.storage import load_npz, save_npz
 
 @dataclass(frozen=True)
 class ClipLabels:
-    """Origin of a motion.
+    """Origin of a motion."""
 
-    Attributes:
-        sequence: name of the sub-sequence, such as "walk_s0".
-        action: such as "walk"; empty if unknown.
-        subject: who moved; empty if unknown.
-        source: file the motion was read from.
-        start_frame: first frame of the sub-sequence in its clip, at 30 fps.
-        speed: seconds of the clip per second of the sub-sequence.
-        mirrored: whether left and right are exchanged.
-    """
-
-    sequence: str = ""
-    action: str = ""
-    subject: str = ""
-    source: str = ""
-    start_frame: int = 0
-    speed: float = 1.0
-    mirrored: bool = False
+    sequence: str = ""  # name of the sub-sequence, such as "walk_s0"
+    action: str = ""  # such as "walk"; empty if unknown
+    subject: str = ""  # who moved; empty if unknown
+    source: str = ""  # file the motion was read from
+    start_frame: int = 0  # first frame of the sub-sequence in its clip, at 30 fps
+    speed: float = 1.0  # seconds of the clip per second of the sub-sequence
+    mirrored: bool = False  # whether left and right are exchanged
 
 
 @dataclass(frozen=True)
 class BodySequence:
-    """A shaped body in motion, and what self-collision solving did to it.
+    """A shaped body in motion, and what self-collision solving did to it."""
 
-    Attributes:
-        shape: (10,) float64 shape coefficients, after thinning.
-        gender: "female" or "male".
-        poses: (N, 72) float64 axis-angle, radians.
-        trans: (N, 3) float64 world position of the root joint in metres, feet on the floor.
-        outcome: "free" of collisions, "solved", "removed" (parts left out), "thinned" or
-            "rejected"; the last that applies.
-        reason: one sentence if rejected, else empty.
-        thinned: how many times the body was made thinner.
-        redrawn: how many shapes were given up before this one.
-        removed_segments: (k,) int32 joints whose segments take no part in collisions.
-        fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
-        fix_delta: (m, 3) float32 metres, world axes.
-        collided_frames: frames in which parts were pressed apart.
-        leftover_frames: frames in which parts still cross somewhere after that.
-        deepest_m: greatest distance that a vertex was moved, metres.
-        penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
-    """
-
-    shape: np.ndarray
-    gender: str
-    poses: np.ndarray
+    shape: np.ndarray  # (10,) float64 shape coefficients, after thinning
+    gender: str  # "female" or "male"
+    poses: np.ndarray  # (N, 72) float64 axis-angle, radians
+    # (N, 3) float64 world position of the root joint in metres, feet on the floor.
     trans: np.ndarray
+    # "free" of collisions, "solved", "removed" (parts left out), "thinned" or "rejected"; the last
+    # that applies.
     outcome: str
-    reason: str
-    thinned: int
-    redrawn: int
-    removed_segments: np.ndarray
+    reason: str  # one sentence if rejected, else empty
+    thinned: int  # how many times the body was made thinner
+    redrawn: int  # how many shapes were given up before this one
+    removed_segments: np.ndarray  # (k,) int32 joints whose segments take no part in collisions
+    # fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
     fix_frame: np.ndarray
     fix_vertex: np.ndarray
-    fix_delta: np.ndarray
-    collided_frames: int
-    leftover_frames: int
-    deepest_m: float
+    fix_delta: np.ndarray  # (m, 3) float32 metres, world axes
+    collided_frames: int  # frames in which parts were pressed apart
+    leftover_frames: int  # frames in which parts still cross somewhere after that
+    deepest_m: float  # greatest distance that a vertex was moved, metres
+    # penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
     penetration_m: float
     foot_sliding_m_s: float
     labels: ClipLabels

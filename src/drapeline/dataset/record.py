@@ -39,16 +39,11 @@ SAMPLE_MANIFEST = f"{EXTRAS}/{MANIFEST}"
 
 @dataclass(frozen=True)
 class SampleRecord:
-    """A sample's folder, its `meta.json` and the size of its files.
-
-    Attributes:
-        meta: contents of its `meta.json`.
-        cloth3d_bytes: total size of the files in CLOTH3D's layout.
-    """
+    """A sample's folder, its `meta.json` and the size of its files."""
 
     folder: Path
-    meta: Mapping[str, Any]
-    cloth3d_bytes: int
+    meta: Mapping[str, Any]  # contents of its `meta.json`
+    cloth3d_bytes: int  # total size of the files in CLOTH3D's layout
     total_bytes: int
 
     @property

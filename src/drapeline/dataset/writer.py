@@ -231,17 +231,11 @@ def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndar
 
 
 class GarmentAnimation(NamedTuple):
-    """A garment in motion that was not simulated, such as a reconstruction.
+    """A garment in motion that was not simulated, such as a reconstruction."""
 
-    Attributes:
-        name: one of CLOTH3D's garment types.
-        rest: mesh in the rest pose, root-relative metres.
-        frames: (F, V, 3) root-relative metres.
-    """
-
-    name: str
-    rest: Mesh
-    frames: np.ndarray
+    name: str  # one of CLOTH3D's garment types
+    rest: Mesh  # mesh in the rest pose, root-relative metres
+    frames: np.ndarray  # (F, V, 3) root-relative metres
 
 
 def write_reconstruction(

@@ -159,17 +159,11 @@ def require_simulated(garment: str, wearers: Iterable[SamplePlan], splits: Seque
 
 
 class PlannedSequence(NamedTuple):
-    """A garment in motion that Garment4D is going to learn from or be tested on.
+    """A garment in motion that Garment4D is going to learn from or be tested on."""
 
-    Attributes:
-        source: "simulated" or "skinned".
-        split: "train", "val" or "test".
-        frames: its length.
-    """
-
-    source: str
-    split: str
-    frames: int
+    source: str  # "simulated" or "skinned"
+    split: str  # "train", "val" or "test"
+    frames: int  # its length
 
 
 def planned_sequences(

@@ -22,25 +22,16 @@ AT_REST = "none"
 
 @dataclass(frozen=True)
 class PlannedGroup:
-    """Samples of one kind.
+    """Samples of one kind."""
 
-    Attributes:
-        name: key of `groups` in the settings.
-        solver: cloth solver that moves the garments; `AT_REST` for garments that do not move.
-        published: whether its samples are part of the dataset.
-        outfits: the settings `outfits` as they hold here.
-        simulation: the settings `simulation.settings` as they hold here.
-        clips: clip -> what its pieces are cut from; empty at rest.
-        shards: shard -> plans of the samples that one job makes. A shard is called like its first
-            sample, so that its name does not depend on how many there are.
-    """
-
-    name: str
-    solver: str
-    published: bool
-    outfits: Mapping[str, Any]
-    simulation: Mapping[str, Any]
-    clips: Mapping[str, MotionEntry]
+    name: str  # key of `groups` in the settings
+    solver: str  # cloth solver that moves the garments; `AT_REST` for garments that do not move
+    published: bool  # whether its samples are part of the dataset
+    outfits: Mapping[str, Any]  # the settings `outfits` as they hold here
+    simulation: Mapping[str, Any]  # the settings `simulation.settings` as they hold here
+    clips: Mapping[str, MotionEntry]  # clip -> what its pieces are cut from; empty at rest
+    # Shard -> plans of the samples that one job makes. A shard is called like its first sample, so
+    # that its name does not depend on how many there are.
     shards: Mapping[str, Sequence[SamplePlan]]
 
     @property

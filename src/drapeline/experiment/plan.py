@@ -34,17 +34,12 @@ class ClipPiece(NamedTuple):
 
 
 class Wardrobe(NamedTuple):
-    """Who wears what in a group.
+    """Who wears what in a group."""
 
-    Attributes:
-        female_share: share of female bodies.
-        outfit_types: to take turns over in each split; a type named twice is worn twice as often.
-        male_skirts: whether male bodies wear skirts and dresses.
-    """
-
-    female_share: float
+    female_share: float  # share of female bodies
+    # To take turns over in each split; a type named twice is worn twice as often.
     outfit_types: Sequence[str]
-    male_skirts: bool
+    male_skirts: bool  # whether male bodies wear skirts and dresses
 
 
 def plan_moving(
@@ -201,17 +196,11 @@ def is_female(number: int, share: float) -> bool:
 
 
 class Pieces(NamedTuple):
-    """Pieces of clips for a group's samples.
+    """Pieces of clips for a group's samples."""
 
-    Attributes:
-        of_sample: number and id of a sample -> its piece.
-        sizes: clip -> how often samples come back to it, in any unit.
-        count: how many there are before one comes again; for pieces that begin anywhere, one of
-            each clip.
-    """
-
-    of_sample: Callable[[int, str], ClipPiece]
-    sizes: Mapping[str, float]
+    of_sample: Callable[[int, str], ClipPiece]  # number and id of a sample -> its piece
+    sizes: Mapping[str, float]  # clip -> how often samples come back to it, in any unit
+    # How many there are before one comes again; for pieces that begin anywhere, one of each clip.
     count: int
 
 

@@ -50,15 +50,10 @@ _WORN = HealthBounds(
 
 
 class SimulatedSheet(NamedTuple):
-    """A sheet in motion.
+    """A sheet in motion."""
 
-    Attributes:
-        rest: as the simulation began with it, at rest.
-        frames: the same cloth in each frame of the motion.
-    """
-
-    rest: Mesh
-    frames: list[Mesh]
+    rest: Mesh  # as the simulation began with it, at rest
+    frames: list[Mesh]  # the same cloth in each frame of the motion
 
 
 def simulate_sheets(
@@ -136,18 +131,12 @@ def make_draper(
 
 @dataclass(frozen=True)
 class SolverDraper:
-    """Drapes sheets on people in one pose: from rest they go along into it, and wait there.
-
-    Attributes:
-        frames: for which it hangs in the pose.
-        edge_length_m: sheets with shorter edges are made coarser first.
-        simulation: as of samples; there is a single attempt, and no floor, since the person may be
-            in the air.
-    """
+    """Drapes sheets on people in one pose: from rest they go along into it, and wait there."""
 
     solver: ClothSolver
-    frames: int
-    edge_length_m: float
+    frames: int  # for which it hangs in the pose
+    edge_length_m: float  # sheets with shorter edges are made coarser first
+    # As of samples; there is a single attempt, and no floor, since the person may be in the air.
     simulation: SimulationSettings
 
     def __call__(

@@ -20,16 +20,11 @@ from drapeline.seeding import rng_for
 
 @dataclass(frozen=True)
 class Wearer:
-    """Body, templates and own garments that samples of one gender are made from.
-
-    Attributes:
-        templates: panels that garments are cut from.
-        own: garment type -> the user's garment in its place.
-    """
+    """Body, templates and own garments that samples of one gender are made from."""
 
     body: BodyModel
-    templates: Templates
-    own: Mapping[str, OwnGarment]
+    templates: Templates  # panels that garments are cut from
+    own: Mapping[str, OwnGarment]  # garment type -> the user's garment in its place
 
 
 def dress(

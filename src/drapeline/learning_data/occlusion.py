@@ -26,15 +26,10 @@ def covered_vertices(body: np.ndarray, faces: np.ndarray, garment: Mesh) -> np.n
 
 @dataclass(frozen=True)
 class TexturePixels:
-    """Places of the body that the pixels of a square image in its texture coordinates show.
+    """Places of the body that the pixels of a square image in its texture coordinates show."""
 
-    Attributes:
-        corners: (R * R, 3) vertices of the pixel's face; zeros where there is none.
-        weights: (R * R, 3) barycentric; zeros where there is none.
-    """
-
-    corners: np.ndarray
-    weights: np.ndarray
+    corners: np.ndarray  # (R * R, 3) vertices of the pixel's face; zeros where there is none
+    weights: np.ndarray  # (R * R, 3) barycentric; zeros where there is none
 
     @property
     def resolution(self) -> int:

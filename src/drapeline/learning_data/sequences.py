@@ -48,35 +48,21 @@ _ARRAYS = {"points": "float f p 3", "labels": "int f p", "garment": "float f n 3
 
 @dataclass(frozen=True)
 class GarmentSequence:
-    """A garment through one sequence, before it is collected.
+    """A garment through one sequence, before it is collected."""
 
-    Attributes:
-        name: of the sequence; no other of the same type has it.
-        source: the cloth solver that moved the garment, or `SKINNED` where skinning weights did.
-        split: "train", "val" or "test".
-        gender: "female" or "male".
-        shape: (10,).
-        poses: (T, 72) rad.
-        number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
-            frames apart.
-        points: (T, P, 3) clouds.
-        labels: (T, P) codes of `LABELS`.
-        canonical: (N, 3) the garment in the rest pose, in template topology.
-        original: the same before registration, triangles.
-        garment: gives (T, N, 3), the posed garment in template topology, when it is needed.
-    """
-
-    name: str
-    source: str
-    split: str
-    gender: str
-    shape: np.ndarray
-    poses: np.ndarray
+    name: str  # of the sequence; no other of the same type has it
+    source: str  # the cloth solver that moved the garment, or `SKINNED` where skinning weights did
+    split: str  # "train", "val" or "test"
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,)
+    poses: np.ndarray  # (T, 72) rad
+    # (T,) of the frames in the motion, rising; those of skinned sequences may be some frames apart.
     number: np.ndarray
-    points: np.ndarray
-    labels: np.ndarray
-    canonical: np.ndarray
-    original: Mesh
+    points: np.ndarray  # (T, P, 3) clouds
+    labels: np.ndarray  # (T, P) codes of `LABELS`
+    canonical: np.ndarray  # (N, 3) the garment in the rest pose, in template topology
+    original: Mesh  # the same before registration, triangles
+    # Gives (T, N, 3), the posed garment in template topology, when it is needed.
     garment: Callable[[], np.ndarray]
 
 

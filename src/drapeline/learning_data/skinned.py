@@ -107,17 +107,11 @@ def _diffuse(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np
 
 @dataclass(frozen=True)
 class SampleMotion:
-    """A simulated sample's poses.
+    """A simulated sample's poses."""
 
-    Attributes:
-        sample: its id.
-        split: "train", "val" or "test".
-        poses: (F, 72) rad.
-    """
-
-    sample: str
-    split: str
-    poses: np.ndarray
+    sample: str  # its id
+    split: str  # "train", "val" or "test"
+    poses: np.ndarray  # (F, 72) rad
 
 
 def read_motions(samples: Sequence[str | Path]) -> list[SampleMotion]:
@@ -257,29 +251,19 @@ def _clouds(
 
 
 class SkinnedSequence(NamedTuple):
-    """One outfit of a folder that `write_skinned` wrote.
+    """One outfit of a folder that `write_skinned` wrote."""
 
-    Attributes:
-        name: of the static outfit.
-        split: "train", "val" or "test".
-        gender: "female" or "male".
-        shape: (10,).
-        sample: id of the simulated sample that it moves as.
-        number: (T,) of the frames in that sample.
-        poses: (T, 72) rad.
-        points, labels: (T, P, 3) float32 and (T, P) uint8, memory-mapped.
-        garments: name -> (T, V, 3) float32 root-relative vertices, memory-mapped.
-    """
-
-    name: str
-    split: str
-    gender: str
-    shape: np.ndarray
-    sample: str
-    number: np.ndarray
-    poses: np.ndarray
+    name: str  # of the static outfit
+    split: str  # "train", "val" or "test"
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,)
+    sample: str  # id of the simulated sample that it moves as
+    number: np.ndarray  # (T,) of the frames in that sample
+    poses: np.ndarray  # (T, 72) rad
+    # points, labels: (T, P, 3) float32 and (T, P) uint8, memory-mapped.
     points: np.ndarray
     labels: np.ndarray
+    # Name -> (T, V, 3) float32 root-relative vertices, memory-mapped.
     garments: dict[str, np.ndarray]
 
 

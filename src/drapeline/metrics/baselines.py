@@ -38,15 +38,11 @@ STILL, MEAN = "skinned_static", "skinned_mean"
 
 @dataclass(frozen=True)
 class MeanGarment:
-    """Mean offsets and mask of every garment type of the training set.
+    """Mean offsets and mask of every garment type of the training set."""
 
-    Attributes:
-        offsets: (types, V, 3) metres, each vertex averaged over the garments that cover it.
-        mask: (types, V), covered by more than half of the garments.
-    """
-
+    # (types, V, 3) metres, each vertex averaged over the garments that cover it.
     offsets: np.ndarray
-    mask: np.ndarray
+    mask: np.ndarray  # (types, V), covered by more than half of the garments
 
 
 def fit_mean_garment(
@@ -98,21 +94,13 @@ def nearest_rows(
 
 @dataclass(frozen=True)
 class GarmentPca:
-    """Principal components of offsets, and the mask that goes with them by linear regression.
+    """Principal components of offsets, and the mask that goes with them by linear regression."""
 
-    Attributes:
-        mean: (3V,) metres.
-        axes: (C, 3V) orthonormal.
-        mask_mean: (V,).
-        mask_axes: (C, V), mask per unit of coefficient.
-        explained: share of the training variance that the components hold.
-    """
-
-    mean: np.ndarray
-    axes: np.ndarray
-    mask_mean: np.ndarray
-    mask_axes: np.ndarray
-    explained: float
+    mean: np.ndarray  # (3V,) metres
+    axes: np.ndarray  # (C, 3V) orthonormal
+    mask_mean: np.ndarray  # (V,)
+    mask_axes: np.ndarray  # (C, V), mask per unit of coefficient
+    explained: float  # share of the training variance that the components hold
 
     def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""

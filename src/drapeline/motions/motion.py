@@ -17,15 +17,10 @@ MAX_SPEED_M_S = 30.0  # of the root; anything faster is a wrong unit
 
 @dataclass(frozen=True)
 class Cycle:
-    """Displacement of the body over one round of a cyclic motion.
+    """Displacement of the body over one round of a cyclic motion."""
 
-    Attributes:
-        turn_rad: change of heading about the vertical.
-        shift_m: (2,) horizontal displacement of the root, seen in the first frame's world.
-    """
-
-    turn_rad: float
-    shift_m: np.ndarray
+    turn_rad: float  # change of heading about the vertical
+    shift_m: np.ndarray  # (2,) horizontal displacement of the root, seen in the first frame's world
 
 
 @dataclass(frozen=True)

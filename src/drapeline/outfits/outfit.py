@@ -35,21 +35,13 @@ class Garment:
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments from inner to outer, and whom they are made for.
+    """Garments from inner to outer, and whom they are made for."""
 
-    Attributes:
-        garments: one or two.
-        shape: (10,) the wearer's shape.
-        tightness: (2,) gamma as drawn.
-        signed_tightness: (2,) the same with the gender's sign.
-        gender: "female" or "male".
-    """
-
-    garments: tuple[Garment, ...]
-    shape: np.ndarray
-    tightness: np.ndarray
-    signed_tightness: np.ndarray
-    gender: str
+    garments: tuple[Garment, ...]  # one or two
+    shape: np.ndarray  # (10,) the wearer's shape
+    tightness: np.ndarray  # (2,) gamma as drawn
+    signed_tightness: np.ndarray  # (2,) the same with the gender's sign
+    gender: str  # "female" or "male"
 
     def save(self, npz_path: str | Path, json_path: str | Path, *, split: str = "") -> None:
         """Write arrays under `{name}/...` and everything else as JSON.

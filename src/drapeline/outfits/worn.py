@@ -19,28 +19,18 @@ _ROUNDS, _SPREAD = 3, 4
 
 
 class DrapedSheet(NamedTuple):
-    """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer.
+    """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer."""
 
-    Attributes:
-        rest: (V, 3) vertices with faces.
-        posed: the same faces, in the world.
-    """
-
-    rest: Mesh
-    posed: Mesh
+    rest: Mesh  # (V, 3) vertices with faces
+    posed: Mesh  # the same faces, in the world
 
 
 @dataclass(frozen=True)
 class SkinningOptions:
-    """Options of garments that follow the body, see `pose_garment`.
+    """Options of garments that follow the body, see `pose_garment`."""
 
-    Attributes:
-        neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
-        smoothing: passes that smooth the motions over a garment; none in the paper.
-    """
-
-    neighbours: int = 8
-    smoothing: int = 20
+    neighbours: int = 8  # vertices of the body that a vertex follows; 1 in SMPLicit's paper
+    smoothing: int = 20  # passes that smooth the motions over a garment; none in the paper
 
 
 def pose_in_layers(

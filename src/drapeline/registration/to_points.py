@@ -18,17 +18,11 @@ from drapeline.registration.settings import RefineSettings
 
 
 class WornGarmentStatistics(NamedTuple):
-    """Statistics of worn garments of a type against their skinned proposals.
+    """Statistics of worn garments of a type against their skinned proposals."""
 
-    Attributes:
-        shares: (K,) lengths of `springs` when worn, over those in the canonical
-            garment.
-        error_m: (N,) root mean square error of the proposals, metres.
-        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
-    """
-
-    shares: np.ndarray
-    error_m: np.ndarray
+    shares: np.ndarray  # (K,) lengths of `springs` when worn, over those in the canonical garment
+    error_m: np.ndarray  # (N,) root mean square error of the proposals, metres
+    # (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
     follow: np.ndarray
 
 

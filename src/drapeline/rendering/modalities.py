@@ -13,19 +13,12 @@ from drapeline.rendering.camera import Camera
 
 @dataclass(frozen=True)
 class Seen:
-    """Images of height H and width W; where nothing is hit everything is 0.
+    """Images of height H and width W; where nothing is hit everything is 0."""
 
-    Attributes:
-        depth: (H, W) float32 metres along the optical axis.
-        normals: (H, W, 3) float32 unit surface normals, world axes, towards the camera.
-        velocities: (H, W, 3) float32 m/s, world axes.
-        segments: (H, W) uint8, 0 for nothing, else 1 + index of the mesh.
-    """
-
-    depth: np.ndarray
-    normals: np.ndarray
-    velocities: np.ndarray
-    segments: np.ndarray
+    depth: np.ndarray  # (H, W) float32 metres along the optical axis
+    normals: np.ndarray  # (H, W, 3) float32 unit surface normals, world axes, towards the camera
+    velocities: np.ndarray  # (H, W, 3) float32 m/s, world axes
+    segments: np.ndarray  # (H, W) uint8, 0 for nothing, else 1 + index of the mesh
 
 
 @wp.kernel

@@ -22,19 +22,12 @@ FLOOR_REACH_M = 1.6  # shadows fade out at this distance from where they are dar
 
 @dataclass(frozen=True)
 class ColouredMesh:
-    """A mesh in one colour.
+    """A mesh in one colour."""
 
-    Attributes:
-        vertices: (V, 3) world, metres.
-        faces: (F, 3) or (F, 4).
-        colour: sRGB in 0-1.
-        gloss: strength of the highlight, 0 for none.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    colour: Sequence[float]
-    gloss: float = 0.0
+    vertices: np.ndarray  # (V, 3) world, metres
+    faces: np.ndarray  # (F, 3) or (F, 4)
+    colour: Sequence[float]  # sRGB in 0-1
+    gloss: float = 0.0  # strength of the highlight, 0 for none
 
 
 # What a pixel shows, in `_Pixels.kind`: nothing, the floor, or a mesh.

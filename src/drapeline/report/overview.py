@@ -63,19 +63,13 @@ class _Comparison(NamedTuple):
 
     Where models are trained apart, their variants stand in one text, with spaces between them; the
     error is their mean.
-
-    Attributes:
-        metric: in millimetres.
-        models: variants; the first that was evaluated is shown.
-        networks: variants, of the papers; they stand beside it.
-        baselines: variants; the best stands beside it.
     """
 
     title: str
-    metric: str
-    models: Sequence[str]
-    networks: Sequence[str]
-    baselines: Sequence[str]
+    metric: str  # in millimetres
+    models: Sequence[str]  # variants; the first that was evaluated is shown
+    networks: Sequence[str]  # variants, of the papers; they stand beside it
+    baselines: Sequence[str]  # variants; the best stands beside it
 
 
 def _of_parts(name: str) -> str:

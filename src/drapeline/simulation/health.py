@@ -21,16 +21,11 @@ _NEAR_M = 0.04
 
 @dataclass(frozen=True)
 class HealthGarment:
-    """A garment as health sees it.
-
-    Attributes:
-        faces: (F, 4) or (F, 3).
-        rest_lengths_m: (E,) of `mesh.edges(faces)`; NaN for edges that are not watched.
-    """
+    """A garment as health sees it."""
 
     name: str
-    faces: np.ndarray
-    rest_lengths_m: np.ndarray
+    faces: np.ndarray  # (F, 4) or (F, 3)
+    rest_lengths_m: np.ndarray  # (E,) of `mesh.edges(faces)`; NaN for edges that are not watched
 
 
 def watch(garment: Garment) -> HealthGarment:

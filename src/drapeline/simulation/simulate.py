@@ -158,16 +158,11 @@ LOGGER = logging.getLogger("drapeline")
 
 @dataclass(frozen=True)
 class DressedBody:
-    """Whom and what is simulated.
-
-    Attributes:
-        motion: the wearer's shape and poses, free of self-collisions.
-        outfit: garments in rest pose, root-relative, from inner to outer.
-    """
+    """Whom and what is simulated."""
 
     body: BodyModel
-    motion: BodySequence
-    outfit: Outfit
+    motion: BodySequence  # the wearer's shape and poses, free of self-collisions
+    outfit: Outfit  # garments in rest pose, root-relative, from inner to outer
 
     @property
     def faces(self) -> np.ndarray:
@@ -183,16 +178,12 @@ class DressedBody:
 
 
 class Judged(NamedTuple):
-    """Verdict on a simulation.
+    """Verdict on a simulation."""
 
-    Attributes:
-        status: "accepted", "rejected" or "failed", its `reason`, and how it was made: solver,
-            attempts, times, versions, fabrics.
-        folder: with `{Garment}.f32` and `health.npz` of the last attempt.
-    """
-
+    # "accepted", "rejected" or "failed", its `reason`, and how it was made: solver, attempts,
+    # times, versions, fabrics.
     status: dict[str, Any]
-    folder: Path
+    folder: Path  # with `{Garment}.f32` and `health.npz` of the last attempt
 
     @property
     def accepted(self) -> bool:

@@ -46,21 +46,15 @@ class Hinges:
 
     The normal is along the cross product of the way from the first vertex to the second and that
     from the third to the fourth.
-
-    Attributes:
-        vertices: (H, 4) int, numbers of vertices.
-        weights: (H, 4), sums of zero.
-        lengths_m: (H,) of the weighted sums along the normals, at rest; less than 0 where the cloth
-            is bent against them.
-        stiffness_n_m: (H,) force per length.
-        damping_kg_s: (H,) force per rate.
     """
 
-    vertices: np.ndarray
-    weights: np.ndarray
+    vertices: np.ndarray  # (H, 4) int, numbers of vertices
+    weights: np.ndarray  # (H, 4), sums of zero
+    # (H,) of the weighted sums along the normals, at rest; less than 0 where the cloth is bent
+    # against them.
     lengths_m: np.ndarray
-    stiffness_n_m: np.ndarray
-    damping_kg_s: np.ndarray
+    stiffness_n_m: np.ndarray  # (H,) force per length
+    damping_kg_s: np.ndarray  # (H,) force per rate
 
 
 def make_springs(

@@ -179,62 +179,44 @@ def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
 
 @dataclass(frozen=True)
 class XpbdSettings:
-    """Numbers of the method.
+    """Numbers of the method."""
 
-    Attributes:
-        steps_per_step: small steps for each of `Attempt.steps`.
-        way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
-            what is near of it.
-        body_way_m: the same, between two searches for the body.
-        limb_way_m: the same for a fast limb, the 95th percentile of the body's vertices, which
-            cloth must not be passed by before it is found.
-        searches_min, searches_max: such searches in a frame.
-        reach_m: how far from the body its nearest point is looked for.
-        home_reach_m: how far from the limb that cloth lies on it touches no other.
-        clearance_m: how far from itself the body may be where sheets of cloth share the room.
-        slack_m: how far cloth slides over the body before that point is looked for again.
-        margin_m: how far from cloth other cloth is looked for.
-        self_gap_m: distance between parts of a garment.
-        free_m: parts of a garment that are closer than this at rest do not collide.
-        edge_margin_m: how far from an edge other edges are looked for.
-        cover_margin_m: how far from a vertex of the body cloth that covers it is looked for.
-        cover_gap_m: how far above it that cloth is held.
-        sweeps: of the springs in a small step; in each, what share they go of the way to where
-            they are content. The later go beyond, for what other springs take back.
-        friction: of cloth on the body, as a coefficient of Coulomb's law.
-        lead_friction: the same during the transition.
-        cloth_friction: of cloth on cloth.
-        release_m_s: how fast contacts take away depth that was there before a small step.
-        stick_m_s: how fast cloth may slip past the body and still be held, however light the
-            contact is.
-        untangle_m_s: how fast cloth that passes through cloth is moved, at most.
-        pin_pull: share of the way to where it is held that a pin goes in a small step.
-    """
-
-    steps_per_step: float = 3.0
+    steps_per_step: float = 3.0  # small steps for each of `Attempt.steps`
+    # How far cloth goes past other cloth, as a root mean square, between two searches for what is
+    # near of it.
     way_m: float = 0.005
-    body_way_m: float = 0.01
+    body_way_m: float = 0.01  # the same, between two searches for the body
+    # The same for a fast limb, the 95th percentile of the body's vertices, which cloth must not be
+    # passed by before it is found.
     limb_way_m: float = 0.04
+    # searches_min, searches_max: such searches in a frame.
     searches_min: int = 2
     searches_max: int = 6
-    reach_m: float = 0.045
-    home_reach_m: float = 0.012
+    reach_m: float = 0.045  # how far from the body its nearest point is looked for
+    home_reach_m: float = 0.012  # how far from the limb that cloth lies on it touches no other
+    # How far from itself the body may be where sheets of cloth share the room.
     clearance_m: float = 0.04
+    # How far cloth slides over the body before that point is looked for again.
     slack_m: float = 0.002
-    margin_m: float = 0.014
-    self_gap_m: float = 0.007
-    free_m: float = 0.028
-    edge_margin_m: float = 0.012
+    margin_m: float = 0.014  # how far from cloth other cloth is looked for
+    self_gap_m: float = 0.007  # distance between parts of a garment
+    free_m: float = 0.028  # parts of a garment that are closer than this at rest do not collide
+    edge_margin_m: float = 0.012  # how far from an edge other edges are looked for
+    # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
-    cover_gap_m: float = 0.002
+    cover_gap_m: float = 0.002  # how far above it that cloth is held
+    # Of the springs in a small step; in each, what share they go of the way to where they are
+    # content. The later go beyond, for what other springs take back.
     sweeps: tuple[float, ...] = (1.0, 1.2, 1.4)
-    friction: float = 0.4
-    lead_friction: float = 0.1
-    cloth_friction: float = 0.3
+    friction: float = 0.4  # of cloth on the body, as a coefficient of Coulomb's law
+    lead_friction: float = 0.1  # the same during the transition
+    cloth_friction: float = 0.3  # of cloth on cloth
+    # How fast contacts take away depth that was there before a small step.
     release_m_s: float = 0.567
+    # How fast cloth may slip past the body and still be held, however light the contact is.
     stick_m_s: float = 0.0378
-    untangle_m_s: float = 0.945
-    pin_pull: float = 0.3
+    untangle_m_s: float = 0.945  # how fast cloth that passes through cloth is moved, at most
+    pin_pull: float = 0.3  # share of the way to where it is held that a pin goes in a small step
 
 
 class MovingCloth:

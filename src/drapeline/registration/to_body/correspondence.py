@@ -123,19 +123,13 @@ _OVERLAP_M = 0.003
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Body vertices and their points on a garment.
+    """Body vertices and their points on a garment."""
 
-    Attributes:
-        mask: (V,) bool.
-        corner: (V, 3) int32 garment vertices whose triangle or edge holds the point; 0 outside
-            the mask.
-        bary: (V, 3) float32 weights of the corners, which sum to 1 within the mask.
-        holes, islands: of the mask, before it was cleaned.
-    """
-
-    mask: np.ndarray
+    mask: np.ndarray  # (V,) bool
+    # (V, 3) int32 garment vertices whose triangle or edge holds the point; 0 outside the mask.
     corner: np.ndarray
-    bary: np.ndarray
+    bary: np.ndarray  # (V, 3) float32 weights of the corners, which sum to 1 within the mask
+    # holes, islands: of the mask, before it was cleaned.
     holes: int
     islands: int
 

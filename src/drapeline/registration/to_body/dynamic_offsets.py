@@ -21,23 +21,14 @@ Version = Literal["posed", "unposed"]
 
 @dataclass(frozen=True)
 class SampleGarment:
-    """A garment of a simulated sample, registered in its rest pose.
+    """A garment of a simulated sample, registered in its rest pose."""
 
-    Attributes:
-        mask: (V,) bool body vertices that the garment covers.
-        vertex: (M,) int32, their ids.
-        corner: (M, 3) int32 garment vertices between which each one's point lies.
-        bary: (M, 3) float32 weights of the corners.
-        offsets: (V, 3) float32 static offsets in metres, zero outside of the mask.
-        weights: (M, 24) float32 skinning weights.
-    """
-
-    mask: np.ndarray
-    vertex: np.ndarray
-    corner: np.ndarray
-    bary: np.ndarray
-    offsets: np.ndarray
-    weights: np.ndarray
+    mask: np.ndarray  # (V,) bool body vertices that the garment covers
+    vertex: np.ndarray  # (M,) int32, their ids
+    corner: np.ndarray  # (M, 3) int32 garment vertices between which each one's point lies
+    bary: np.ndarray  # (M, 3) float32 weights of the corners
+    offsets: np.ndarray  # (V, 3) float32 static offsets in metres, zero outside of the mask
+    weights: np.ndarray  # (M, 24) float32 skinning weights
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""

@@ -25,28 +25,20 @@ _PLANE_M = 0.01  # a tangent plane stands for the surface this far around its ve
 
 @dataclass(frozen=True)
 class NicpSettings:
-    """Settings of the fit of a garment to a body.
+    """Settings of the fit of a garment to a body."""
 
-    Attributes:
-        stiffness: of the nodes, falling; for each there is one step of closest points and of
-            motions towards them.
-        samples: largest number of garment vertices that look for their closest points.
-        turn_m: distance that a turn of the normal by one radian counts for: it keeps a sleeve off
-            the torso and one leg off the other.
-        bend_m: distance at which two unlike affine motions are compared.
-        smoothing_m: normals of the garment are averaged about this far, over its folds.
-        fine_rounds: turns of the last step.
-        fine_stiffness: of the vertices in the last step.
-    """
-
+    # Of the nodes, falling; for each there is one step of closest points and of motions towards
+    # them.
     stiffness: tuple[float, ...] = (10.0, 3.0, 1.0, 0.3, 0.1)
     nodes: int = 200
-    samples: int = 1500
+    samples: int = 1500  # largest number of garment vertices that look for their closest points
+    # Distance that a turn of the normal by one radian counts for: it keeps a sleeve off the torso
+    # and one leg off the other.
     turn_m: float = 0.1
-    bend_m: float = 0.1
-    smoothing_m: float = 0.05
-    fine_rounds: int = 3
-    fine_stiffness: float = 3.0
+    bend_m: float = 0.1  # distance at which two unlike affine motions are compared
+    smoothing_m: float = 0.05  # normals of the garment are averaged about this far, over its folds
+    fine_rounds: int = 3  # turns of the last step
+    fine_stiffness: float = 3.0  # of the vertices in the last step
 
 
 class TargetSurface:

@@ -115,17 +115,11 @@ def _count_pieces(pairs: np.ndarray) -> int:
 
 
 class RegisteredGarment(NamedTuple):
-    """One garment on one body.
+    """One garment on one body."""
 
-    Attributes:
-        laid: (C, 3) the garment deformed onto the body.
-        match: body vertices and their points on the garment.
-        offsets: (V, 3) float32 metres.
-    """
-
-    laid: np.ndarray
-    match: Correspondence
-    offsets: np.ndarray
+    laid: np.ndarray  # (C, 3) the garment deformed onto the body
+    match: Correspondence  # body vertices and their points on the garment
+    offsets: np.ndarray  # (V, 3) float32 metres
     measures: list[Measure]
 
 

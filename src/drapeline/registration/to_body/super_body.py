@@ -41,19 +41,14 @@ _SYMMETRY_M = 1e-6
 
 @dataclass(frozen=True)
 class SuperBody:
-    """Refined bodies of one surface.
+    """Refined bodies of one surface."""
 
-    Attributes:
-        bodies: gender -> model of V vertices, all with the same faces.
-        corners: (V, 3) int32, vertices of the file's mesh between which each vertex lies; one of
-            them again where it lies on an edge or in a corner.
-        shares: (V, 3) float64, its barycentric coordinates there.
-        mirror: (V,) vertex on the other side, or None where the mesh is not symmetric.
-    """
-
-    bodies: dict[str, BodyModel]
+    bodies: dict[str, BodyModel]  # gender -> model of V vertices, all with the same faces
+    # (V, 3) int32, vertices of the file's mesh between which each vertex lies; one of them again
+    # where it lies on an edge or in a corner.
     corners: np.ndarray
-    shares: np.ndarray
+    shares: np.ndarray  # (V, 3) float64, its barycentric coordinates there
+    # (V,) vertex on the other side, or None where the mesh is not symmetric.
     mirror: np.ndarray | None
 
     @property
@@ -127,19 +122,12 @@ def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_ma
 
 @dataclass
 class _RefinedMesh:
-    """A mesh under work, in lists since it grows by single vertices.
+    """A mesh under work, in lists since it grows by single vertices."""
 
-    Attributes:
-        points: V places, metres.
-        sources: V tables, vertex of the file -> share.
-        faces: F corners.
-        owners: F ids of the file's triangle that each face is a piece of.
-    """
-
-    points: list[list[float]]
-    sources: list[dict[int, float]]
-    faces: list[list[int]]
-    owners: list[int]
+    points: list[list[float]]  # V places, metres
+    sources: list[dict[int, float]]  # V tables, vertex of the file -> share
+    faces: list[list[int]]  # F corners
+    owners: list[int]  # F ids of the file's triangle that each face is a piece of
 
 
 def _start_at_smallest(faces: np.ndarray) -> np.ndarray:

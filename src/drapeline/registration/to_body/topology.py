@@ -30,19 +30,12 @@ _SHIFTS_M = (0.0, 0.002, -0.002, 0.004, -0.004, 0.006, -0.006, 0.009, -0.009, 0.
 
 @dataclass(frozen=True)
 class SkirtTopology:
-    """The second topology.
+    """The second topology."""
 
-    Attributes:
-        faces: (F2, 3) int32; the last `added` of them are new.
-        added: number of new faces.
-        removed: (R,) ids of the first topology's faces that are left out.
-        inner_leg: (V,) bool, vertices that smoothing moves.
-    """
-
-    faces: np.ndarray
-    added: int
-    removed: np.ndarray
-    inner_leg: np.ndarray
+    faces: np.ndarray  # (F2, 3) int32; the last `added` of them are new
+    added: int  # number of new faces
+    removed: np.ndarray  # (R,) ids of the first topology's faces that are left out
+    inner_leg: np.ndarray  # (V,) bool, vertices that smoothing moves
 
 
 def skirt_topology(rest: np.ndarray, faces: np.ndarray, hips: float) -> SkirtTopology:

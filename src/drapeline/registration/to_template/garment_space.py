@@ -23,22 +23,15 @@ SPACE_ARRAYS = {
 
 @dataclass(frozen=True)
 class GarmentSpace:
-    """Principal components of canonical garments in one topology.
+    """Principal components of canonical garments in one topology."""
 
-    Attributes:
-        faces: (F, 3) int32.
-        mean: (N, 3) float32 G, metres.
-        components: (D, N, 3) float32 C, metres per unit of a coefficient; over the training
-            garments every coefficient has mean 0 and variance 1.
-        explained: (D,) float64, share of the standardised variance, falling.
-        scale: (N, 3) float32 metres, deviation that each coordinate was divided by.
-    """
-
-    faces: np.ndarray
-    mean: np.ndarray
+    faces: np.ndarray  # (F, 3) int32
+    mean: np.ndarray  # (N, 3) float32 G, metres
+    # (D, N, 3) float32 C, metres per unit of a coefficient; over the training garments every
+    # coefficient has mean 0 and variance 1.
     components: np.ndarray
-    explained: np.ndarray
-    scale: np.ndarray
+    explained: np.ndarray  # (D,) float64, share of the standardised variance, falling
+    scale: np.ndarray  # (N, 3) float32 metres, deviation that each coordinate was divided by
 
     def coefficients(self, vertices: np.ndarray) -> np.ndarray:
         """Alpha (..., D) float32 of garments (..., N, 3): least squares in standardised metres."""

@@ -32,18 +32,12 @@ _ARRAYS = {"vertices": "float n 3", "faces": "int<n * 3", "loop": "int n", "loop
 
 @dataclass(frozen=True)
 class GarmentTemplate:
-    """A garment whose topology stands for its whole type.
+    """A garment whose topology stands for its whole type."""
 
-    Attributes:
-        vertices: (N, 3) float32 metres, root frame, in `REST_POSE` on the mean body.
-        faces: (F, 3) int32, counter-clockwise seen from outside.
-        loop: (N,) int32, -1 within the cloth, else the number of the opening it lies on.
-        loop_names: name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    loop: np.ndarray
+    vertices: np.ndarray  # (N, 3) float32 metres, root frame, in `REST_POSE` on the mean body
+    faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
+    loop: np.ndarray  # (N,) int32, -1 within the cloth, else the number of the opening it lies on
+    # Name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
     loop_names: tuple[str, ...]
 
     def save(self, path: str | Path) -> None:

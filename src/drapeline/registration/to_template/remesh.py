@@ -76,21 +76,14 @@ _REPAIRS_PER_RING = 5
 
 
 class Residual(NamedTuple):
-    """Losses of a garment by its new topology, all but the last in millimetres.
+    """Losses of a garment by its new topology, all but the last in millimetres."""
 
-    Attributes:
-        original_to_remeshed_mm: mean distance of the source's vertices from the new surface.
-        remeshed_to_original_mm: mean distance of the new surface's vertices, edge middles and
-            face centres from the source.
-        boundaries_mm: mean distance from the new surface of source vertices within 2 cm of an
-            opening.
-        flipped_faces: faces of the new surface that are turned over, see `flipped_faces`.
-    """
-
-    original_to_remeshed_mm: float
+    original_to_remeshed_mm: float  # mean distance of the source's vertices from the new surface
+    # Mean distance of the new surface's vertices, edge middles and face centres from the source.
     remeshed_to_original_mm: float
+    # Mean distance from the new surface of source vertices within 2 cm of an opening.
     boundaries_mm: float
-    flipped_faces: int
+    flipped_faces: int  # faces of the new surface that are turned over, see `flipped_faces`
 
 
 def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable:
@@ -255,15 +248,11 @@ _UNITS = {"mm": "mm", "faces": "count"}
 
 
 class NamedGarment(NamedTuple):
-    """A garment in the rest pose.
+    """A garment in the rest pose."""
 
-    Attributes:
-        name: of its outfit or sample.
-        vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
-    """
-
-    name: str
+    name: str  # of its outfit or sample
     garment: str
+    # vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
     vertices: np.ndarray
     faces: np.ndarray
 

@@ -22,28 +22,21 @@ _ROW_IN = 0.24
 
 @dataclass(frozen=True)
 class HealthMeasure:
-    """A quantity of a sample, and its place in `meta.json`.
-
-    Attributes:
-        short: one word, for a column's heading.
-        keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
-            a sample's `meta.json`; None where there is none.
-        factor: from the stored to the shown number.
-        digits: decimals shown.
-        bounds: goal for the shown number, from and to; None where there is no such bound.
-        judged: which of low end (0), middle (1) and high end (2) tables show and goals apply to.
-        about: meaning of dot and line.
-    """
+    """A quantity of a sample, and its place in `meta.json`."""
 
     title: str
-    short: str
+    short: str  # one word, for a column's heading
     unit: str
+    # (measure, statistic) of the low end, the middle and the high end in the `health` of a sample's
+    # `meta.json`; None where there is none.
     keys: tuple[tuple[str, str] | None, tuple[str, str] | None, tuple[str, str] | None]
-    factor: float = 1.0
-    digits: int = 2
+    factor: float = 1.0  # from the stored to the shown number
+    digits: int = 2  # decimals shown
+    # Goal for the shown number, from and to; None where there is no such bound.
     bounds: tuple[float | None, float | None] = (None, None)
+    # Which of low end (0), middle (1) and high end (2) tables show and goals apply to.
     judged: tuple[int, ...] = (1,)
-    about: str = "dot: mean over the frames, line: smallest to largest"
+    about: str = "dot: mean over the frames, line: smallest to largest"  # meaning of dot and line
 
     @property
     def label(self) -> str:

@@ -30,15 +30,10 @@ _FLOOR_REACH_M = 12.0
 
 @dataclass(frozen=True)
 class _MovingPerson:
-    """Moves on the spot before the camera.
+    """Moves on the spot before the camera."""
 
-    Attributes:
-        meshes: with the vertices of the first frame.
-        moving: (N, V, 3) of each mesh, metres, Z up, -Y to the camera.
-    """
-
-    meshes: Sequence[ColouredMesh]
-    moving: Sequence[np.ndarray]
+    meshes: Sequence[ColouredMesh]  # with the vertices of the first frame
+    moving: Sequence[np.ndarray]  # (N, V, 3) of each mesh, metres, Z up, -Y to the camera
 
     def looped(self, start: int, frames: int) -> "_MovingPerson":
         """The frames from `start` on, of which the last ones become those before `start`."""

@@ -33,21 +33,14 @@ _EMPTY = 255  # white, like the background of the others
 
 @dataclass(frozen=True)
 class Scene:
-    """The view of a dressed body that stands, or moves, above the floor.
+    """The view of a dressed body that stands, or moves, above the floor."""
 
-    Attributes:
-        target: (3,) middle of the picture, metres above the floor in Z.
-        front: (x, y) direction that the wearer faces.
-        height_m: what the height of the picture spans at the target.
-        floor_z: height of the floor in the frame of the meshes.
-        turn_deg: how far to the side of the front the camera stands.
-    """
-
+    # (3,) middle of the picture, metres above the floor in Z.
     target: tuple[float, float, float] = (0.0, 0.0, 0.9)
-    front: tuple[float, float] = (0.0, -1.0)
-    height_m: float = 2.1
-    floor_z: float = 0.0
-    turn_deg: float = _TURN_DEG
+    front: tuple[float, float] = (0.0, -1.0)  # (x, y) direction that the wearer faces
+    height_m: float = 2.1  # what the height of the picture spans at the target
+    floor_z: float = 0.0  # height of the floor in the frame of the meshes
+    turn_deg: float = _TURN_DEG  # how far to the side of the front the camera stands
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """The camera for pictures of a size (width, height)."""
@@ -138,18 +131,12 @@ _STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
 
 @dataclass(frozen=True)
 class GarmentPicture:
-    """One picture of a garment.
+    """One picture of a garment."""
 
-    Attributes:
-        garment: in the frame of the body, Z up; None draws the body alone.
-        body: its wearer, or None.
-        colour: sRGB of the garment in 0-1.
-        error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
-    """
-
-    garment: Mesh | None
-    body: Mesh | None
-    colour: Sequence[float] = (0.45, 0.6, 0.8)
+    garment: Mesh | None  # in the frame of the body, Z up; None draws the body alone
+    body: Mesh | None  # its wearer, or None
+    colour: Sequence[float] = (0.45, 0.6, 0.8)  # sRGB of the garment in 0-1
+    # (V,) of the garment's vertices, drawn as heat in place of the colour.
     error_mm: np.ndarray | None = None
     scene: Scene = _STANDING
 

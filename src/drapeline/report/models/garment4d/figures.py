@@ -171,28 +171,17 @@ def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[Coloure
 
 
 class SkinnedTwice(NamedTuple):
-    """A garment posed by skinning weights of one body vertex, and of many.
+    """A garment posed by skinning weights of one body vertex, and of many."""
 
-    Attributes:
-        label: of its row in the figure; may have several lines.
-        canonical: (N, 3) metres.
-        faces: (n, 3) of the template.
-        nearest: (N, 3) posed with K = 1.
-        interpolated: (N, 3) posed with more neighbours.
-        body: (V, 3) in the same pose.
-        body_faces: (f, 3).
-        root_height: metres of the root joint above the floor.
-    """
-
-    label: str
+    label: str  # of its row in the figure; may have several lines
     garment: str
-    canonical: np.ndarray
-    faces: np.ndarray
-    nearest: np.ndarray
-    interpolated: np.ndarray
-    body: np.ndarray
-    body_faces: np.ndarray
-    root_height: float
+    canonical: np.ndarray  # (N, 3) metres
+    faces: np.ndarray  # (n, 3) of the template
+    nearest: np.ndarray  # (N, 3) posed with K = 1
+    interpolated: np.ndarray  # (N, 3) posed with more neighbours
+    body: np.ndarray  # (V, 3) in the same pose
+    body_faces: np.ndarray  # (f, 3)
+    root_height: float  # metres of the root joint above the floor
 
 
 def plot_neighbours(path: str | Path, cases: Sequence[SkinnedTwice], neighbours: int) -> None:

@@ -88,17 +88,11 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
 
 
 class GalleryTables(NamedTuple):
-    """Rows of the tables of a model's gallery, as they are written.
+    """Rows of the tables of a model's gallery, as they are written."""
 
-    Attributes:
-        garments: of `garments.tsv`.
-        correlations: of `correlations.tsv`.
-        regressions: of `regressions.tsv`.
-    """
-
-    garments: Sequence[Row]
-    correlations: Sequence[Row]
-    regressions: Sequence[Row]
+    garments: Sequence[Row]  # of `garments.tsv`
+    correlations: Sequence[Row]  # of `correlations.tsv`
+    regressions: Sequence[Row]  # of `regressions.tsv`
 
 
 def read_gallery_tables(folder: str | Path) -> GalleryTables:
