@@ -66,8 +66,6 @@ def plan_groups(
 
     Args:
         settings: the whole experiment, defaults filled in.
-        table: of the motions that clips are named in.
-        counts: frame counts that are known already.
 
     Raises:
         InputError: a setting of a group contradicts another one, or its clips.

@@ -52,11 +52,9 @@ def plan_moving(
     """Plan samples in motion.
 
     Args:
-        count: of samples.
         prefix: of their ids, before five digits.
         pieces: number and id of a sample -> what its motion is cut from.
         splits: clip -> split, see `split_clips`.
-        wardrobe: see there.
 
     Raises:
         InputError: male bodies are left with nothing to wear.
@@ -78,10 +76,8 @@ def plan_at_rest(
     """Plan samples at rest, whose bodies and outfits have nothing in common.
 
     Args:
-        count: of samples.
         prefix: of their ids, before five digits.
         shares: "val" and "test", shares of the samples; the rest is for training.
-        wardrobe: see there.
 
     Raises:
         InputError: male bodies are left with nothing to wear.
@@ -123,7 +119,6 @@ def split_clips(
 
     Args:
         seed: draws the splits.
-        group: its name.
         sizes: clip -> its share of the samples, in any unit; in the order in which samples take
             turns over them.
         shares: "val" and "test", shares of the samples; the rest is for training.
@@ -208,7 +203,6 @@ def cut_pieces(seed: int, frames_of: Mapping[str, int], motions: Mapping[str, An
     """Pieces of clips, as the settings `motions` ask for them.
 
     Args:
-        seed: the experiment's.
         frames_of: clip -> frames at 30 fps.
         motions: `frames`, `frames_min`, `anywhere`, `speeds` and `mirror`, as in the config. A
             `frames_min` of None means a second, or `frames` where that is less.
@@ -283,7 +277,6 @@ def pieces_anywhere(
     short clip is slowed down as far as it must be to last `frames_min`, and gives a shorter piece.
 
     Args:
-        seed: the experiment's.
         frames_of: clip -> frames at 30 fps.
         frames, frames_min: of a sample, as asked and at least.
         speeds: lower and upper end, seconds of the clip per second of a sample.
