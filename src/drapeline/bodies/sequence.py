@@ -1,13 +1,14 @@
 """One sample's body in motion, and its file."""
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import GENDERS, PARENTS
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 
 @dataclass(frozen=True)
@@ -27,27 +28,26 @@ class ClipLabels:
 class BodySequence:
     """A shaped body in motion, and what self-collision solving did to it."""
 
-    shape: np.ndarray  # (10,) float64 shape coefficients, after thinning
+    shape: Annotated[np.ndarray, "float 10"]  # float64 shape coefficients, after thinning
     gender: str  # "female" or "male"
-    poses: np.ndarray  # (N, 72) float64 axis-angle, radians
-    # (N, 3) float64 world position of the root joint in metres, feet on the floor.
-    trans: np.ndarray
+    poses: Annotated[np.ndarray, "float n 72"]  # float64 axis-angle, radians
+    # World position of the root joint in metres, float64, feet on the floor.
+    trans: Annotated[np.ndarray, "float n 3"]
     # "free" of collisions, "solved", "removed" (parts left out), "thinned" or "rejected"; the last
     # that applies.
     outcome: str
     reason: str  # one sentence if rejected, else empty
     thinned: int  # how many times the body was made thinner
     redrawn: int  # how many shapes were given up before this one
-    removed_segments: np.ndarray  # (k,) int32 joints whose segments take no part in collisions
-    # fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
-    fix_frame: np.ndarray
-    fix_vertex: np.ndarray
-    fix_delta: np.ndarray  # (m, 3) float32 metres, world axes
+    # Joints whose segments take no part in collisions.
+    removed_segments: Annotated[np.ndarray, f"int<{len(PARENTS)} *"]
+    fix_frame: Annotated[np.ndarray, "int<n m"]  # frames in which vertices are moved
+    fix_vertex: Annotated[np.ndarray, "int m"]  # these vertices
+    fix_delta: Annotated[np.ndarray, "float m 3"]  # float32 metres, world axes
     collided_frames: int  # frames in which parts were pressed apart
     leftover_frames: int  # frames in which parts still cross somewhere after that
     deepest_m: float  # greatest distance that a vertex was moved, metres
-    # penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
-    penetration_m: float
+    penetration_m: float  # this and the next: see `animation.GroundContact`
     foot_sliding_m_s: float
     labels: ClipLabels
 
@@ -94,21 +94,7 @@ def collision_faces(body: BodyModel, record: BodySequence) -> np.ndarray:
 
 def save_body_sequence(path: str | Path, record: BodySequence) -> None:
     """Write a `.npz` with one key per field, labels included."""
-    values = asdict(record) | {"gender": GENDERS.index(record.gender)}
-    labels = values.pop("labels")
-    save_npz(path, **values, **labels)
-
-
-_ARRAYS = {
-    "shape": "float 10",
-    "gender": f"int<{len(GENDERS)}",
-    "poses": "float n 72",
-    "trans": "float n 3",
-    "removed_segments": f"int<{len(PARENTS)} *",
-    "fix_frame": "int<n m",
-    "fix_vertex": "int m",
-    "fix_delta": "float m 3",
-}
+    save_record(path, record, gender=GENDERS.index(record.gender))
 
 
 def load_body_sequence(path: str | Path) -> BodySequence:
@@ -117,16 +103,5 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     Raises:
         InputError: the file is missing, unreadable or lacks a field.
     """
-    own = {field.name: field.type for field in fields(BodySequence) if field.name != "labels"}
-    labels = {field.name: field.type for field in fields(ClipLabels)}
-    kinds = {str: "str", int: "int", float: "number", bool: "bool"}
-    forms = {name: kinds[type_] for name, type_ in (own | labels).items() if type_ in kinds}
-    arrays = load_npz(path, forms | _ARRAYS)
-    values = {
-        name: type_(arrays[name]) if type_ in kinds else arrays[name]
-        for name, type_ in (own | labels).items()
-    } | {"gender": GENDERS[int(arrays["gender"])]}
-    return BodySequence(
-        **{name: values[name] for name in own},
-        labels=ClipLabels(**{name: values[name] for name in labels}),
-    )
+    record = load_record(path, BodySequence, gender=f"int<{len(GENDERS)}")
+    return replace(record, gender=GENDERS[int(record.gender)])

@@ -7,14 +7,14 @@ picture's pixels are 0 background, 1 body, 2 unknown, 3 + index into `GARMENTS`.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_npz, load_record, save_npz, save_record
 
 TRUE, BODY = "true", "body"  # what figures show besides fits
 
@@ -25,22 +25,6 @@ Fits = Mapping[str, Mapping[str, Mesh]]
 
 _FIT_ARRAYS = {"keys": "str n", "*/vertices": "float * 3", "*/faces": "int * 3"}
 BODY_PIXEL, UNKNOWN_PIXEL, FIRST_GARMENT_PIXEL = 1, 2, 3
-_RECONSTRUCTION_ARRAYS = {
-    **dict.fromkeys(("name", "garment"), "str"),
-    "faces": "int<n * 3",
-    "canonical": "float n 3",
-    **dict.fromkeys(("proposal", "final"), "float f n 3"),
-    "true": "float ...",
-    "true_canonical": "float ...",
-    "points": "float f p 3",
-    "labels": "int f p",
-    "body": "float f v 3",
-    "rest_body": "float v 3",
-    "body_faces": "int<v * 3",
-    "root_rotation": "float f 3",
-    "root_height": "float f",
-    "number": "int f",
-}
 _PICTURE_ARRAYS = {
     "name": "str",
     "labels": "int h w",
@@ -113,25 +97,25 @@ class Reconstruction:
 
     name: str
     garment: str
-    faces: np.ndarray  # (n, 3) of the garment's template
-    canonical: np.ndarray  # (N, 3) as estimated
-    # (F, N, 3), the canonical garment skinned: equation 1 without displacements.
-    proposal: np.ndarray
-    final: np.ndarray  # (F, N, 3), with them
-    true: np.ndarray  # (F, N, 3), or no frames for a scan without ground truth
-    true_canonical: np.ndarray  # (N, 3), or no vertices
-    points: np.ndarray  # (F, P, 3) input clouds
-    labels: np.ndarray  # (F, P) predicted indices into `dataset.labels.LABELS`
-    body: np.ndarray  # (F, V, 3) whole body
-    rest_body: np.ndarray  # (V, 3) in the pose of the canonical garment
-    body_faces: np.ndarray  # (f, 3)
-    root_rotation: np.ndarray  # (F, 3) axis-angle of the body's root joint, rad
-    root_height: np.ndarray  # (F,) metres of the root joint above the floor
-    number: np.ndarray  # (F,) of the frames in their sequence, rising
+    faces: Annotated[np.ndarray, "int<n * 3"]  # of the garment's template
+    canonical: Annotated[np.ndarray, "float n 3"]  # as estimated
+    # The canonical garment skinned: equation 1 without displacements.
+    proposal: Annotated[np.ndarray, "float f n 3"]
+    final: Annotated[np.ndarray, "float f n 3"]  # with them
+    true: Annotated[np.ndarray, "float ..."]  # (F, N, 3), or no frames without ground truth
+    true_canonical: Annotated[np.ndarray, "float ..."]  # (N, 3), or no vertices
+    points: Annotated[np.ndarray, "float f p 3"]  # input clouds
+    labels: Annotated[np.ndarray, "int f p"]  # predicted indices into `dataset.labels.LABELS`
+    body: Annotated[np.ndarray, "float f v 3"]  # whole
+    rest_body: Annotated[np.ndarray, "float v 3"]  # in the pose of the canonical garment
+    body_faces: Annotated[np.ndarray, "int<v * 3"]
+    root_rotation: Annotated[np.ndarray, "float f 3"]  # axis-angle of the body's root joint, rad
+    root_height: Annotated[np.ndarray, "float f"]  # metres of the root joint above the floor
+    number: Annotated[np.ndarray, "int f"]  # of the frames in their sequence, rising
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **vars(self))
+        save_record(path, self)
 
 
 def load_reconstruction(path: str | Path) -> Reconstruction:
@@ -140,9 +124,7 @@ def load_reconstruction(path: str | Path) -> Reconstruction:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    values = load_npz(path, _RECONSTRUCTION_ARRAYS)
-    words = {name: str(values[name]) for name in ("name", "garment")}
-    return Reconstruction(**{**values, **words})
+    return load_record(path, Reconstruction)
 
 
 def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Path]]:
