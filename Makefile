@@ -110,7 +110,7 @@ format: .venv/ready
 
 # Bakes the bodies that come with drapeline; a new version of them has a new number in `bodies/model.py`.
 bodies: .venv/ready
-	PYTHONPATH=src $(BIN)/python -m drapeline.bodies.bake
+	PYTHONPATH=src $(BIN)/python workflow/resources/bodies/make_bodies.py
 
 docs: .venv/ready
 	PYTHONPATH=src $(BIN)/python docs/make_settings.py

@@ -144,7 +144,7 @@ def first_skirt(results: Path) -> tuple[BodyModel, Outfit]:
 def worn(solver: ClothSolver, body: BodyModel, outfit: Outfit, fabric: str) -> Garment:
     """The skirt, made of a fabric, after it has hung on its wearer for a while."""
     (skirt,) = outfit.garments
-    made = replace(skirt, about={**skirt.about, "fabric": fabric})
+    made = replace(skirt, attributes={**skirt.attributes, "fabric": fabric})
     settings = SimulationSettings(
         steps_min=_STEPS, steps_max=_STEPS, shape_frames=4, pose_frames=1, attempts=1
     )

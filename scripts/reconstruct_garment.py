@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.reconstruct import ReconstructionModel
@@ -33,7 +32,7 @@ with rule_log(snakemake.log[0]) as log:
             poses=body.poses,
             trans=body.trans,
             shape=body.shape,
-            gender=GENDERS.index(body.gender),
+            gender=body.gender,
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
         [

@@ -20,11 +20,7 @@ class InputError(ValueError):
 
 
 class DamagedFile(InputError):
-    """A file is missing, cut off, overwritten, or not of its format.
-
-    Attributes:
-        path: of the file.
-    """
+    """A file is missing, cut off, overwritten, or not of its format."""
 
     def __init__(self, path: str | Path, problem: str) -> None:
         super().__init__(f"{path}: {problem}")
@@ -48,7 +44,6 @@ def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
     sizes are checked before memory is asked for, and passes.
 
     Args:
-        path: of the file.
         expected: what it should be, such as "YAML".
     """
     try:

@@ -15,7 +15,18 @@ REST_POSE[3 * 1 + 2] = 0.15
 REST_POSE[3 * 2 + 2] = -0.15
 REST_POSE.setflags(write=False)
 
-GENDERS = ("female", "male")  # index = CLOTH3D's gender code
+GENDERS = ("female", "male")  # index = CLOTH3D's gender code, which files hold
+
+
+def gender_codes(genders: np.ndarray) -> np.ndarray:
+    """(n,) int8 codes of "female" and "male" (n,)."""
+    return (np.asarray(genders) == GENDERS[1]).astype(np.int8)
+
+
+def gender_names(codes: np.ndarray) -> np.ndarray:
+    """(n,) "female" or "male" of codes (n,)."""
+    return np.array(GENDERS)[codes]
+
 
 JOINT_NAMES = (
     "pelvis",

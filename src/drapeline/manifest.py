@@ -15,7 +15,7 @@ _CHUNK = 1 << 20
 
 
 class FileSum(NamedTuple):
-    """What a file should be: its size and the hexadecimal digits of its SHA-256 sum."""
+    """Size that a file should have, and the hexadecimal digits of its SHA-256 sum."""
 
     bytes: int
     sha256: str
@@ -85,10 +85,9 @@ _ROW = re.compile(r"([^\t]+)\t([0-9]{1,19})\t([0-9a-f]{64})")
 
 
 def damages(folder: str | Path, name: str = MANIFEST, *, sums: bool) -> Iterator[DamagedFile]:
-    """What is wrong with the files of a folder; files that the manifest does not list may be there.
+    """List damages to the files of a folder; files that the manifest does not list may be there.
 
     Args:
-        folder: that the manifest describes.
         name: of the manifest, within the folder.
         sums: whether to read the files; otherwise only their sizes are compared.
 

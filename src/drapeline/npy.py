@@ -29,19 +29,12 @@ class HeaderError(ValueError):
 
 @dataclass(frozen=True)
 class Header:
-    """What an `.npy` file says about its array.
+    """Description of an array in its `.npy` file."""
 
-    Attributes:
-        dtype: of numbers, truth values or text.
-        shape: of the array.
-        fortran: whether the first axis varies fastest.
-        size: bytes of the header.
-    """
-
-    dtype: np.dtype
+    dtype: np.dtype  # of numbers, truth values or text
     shape: tuple[int, ...]
-    fortran: bool
-    size: int
+    fortran: bool  # whether the first axis varies fastest
+    size: int  # bytes of the header
 
     @property
     def nbytes(self) -> int:
@@ -208,7 +201,6 @@ def check_arrays(arrays: Mapping[str, np.ndarray], table: Mapping[str, str], **s
     """Compare arrays that are in memory, as those of a checkpoint, with a table of declarations.
 
     Args:
-        arrays: by name.
         table: name -> its declaration, see `Declared`.
         sizes: of axes that are known.
 

@@ -73,7 +73,7 @@ def find_problems(folder, version=None, system=None, libraries=None, free_gb=Non
 
 
 def slurm_config():
-    """What `scontrol show config` says, by name; empty where there is no Slurm."""
+    """Entries of `scontrol show config` by name; none where there is no Slurm."""
     try:
         said = subprocess.run(["scontrol", "show", "config"], capture_output=True, text=True)
     except OSError:
@@ -83,12 +83,7 @@ def slurm_config():
 
 
 def find_slurm_problem(status_command, settings):
-    """Why Snakemake would never learn that a job has ended on this cluster, or None.
-
-    Args:
-        status_command: that it asks with, "sacct" or "squeue".
-        settings: of the cluster, from `slurm_config`.
-    """
+    """Why "sacct" or "squeue" would never tell Snakemake that a job has ended, or None."""
     if not settings:
         return "Slurm's scontrol does not answer here; start Snakemake where sbatch works."
     if settings.get("AccountingStorageType") == "accounting_storage/slurmdbd":

@@ -73,13 +73,13 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
 
 
 def _log_thread(failed: threading.ExceptHookArgs) -> None:
-    """What a thread of a library died of; whoever waits for the thread raises it again."""
+    """Log what a thread of a library died of; whoever waits for the thread raises it again."""
     if failed.exc_value is not None:
         LOGGER.error("in another thread: %s", failed.exc_value, exc_info=failed.exc_value)
 
 
 def _remedy(error: Exception, log: Path) -> str:
-    """What to do about a damaged file that is the user's own no more than the log is."""
+    """Advice on a damaged file that is the user's own no more than the log is."""
     if not isinstance(error, DamagedFile):
         return ""
     path = error.path

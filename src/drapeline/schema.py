@@ -21,21 +21,13 @@ _UNMEASURED = frozenset({"", "-", "NA", "nan"})
 
 
 class Column(NamedTuple):
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes:
-        kind: `str`, `int` or `float`.
-        allowed: the only values, or nothing if there are others.
-        low: the least value of a number.
-        optional: whether a number may be unknown: NaN in the frame, empty in a file.
-        text: format of a number in a file.
-    """
-
-    kind: type = str
-    allowed: Collection[str] = ()
-    low: float = -math.inf
-    optional: bool = False
-    text: str = ""
+    kind: type = str  # `str`, `int` or `float`
+    allowed: Collection[str] = ()  # the only values, or nothing if there are others
+    low: float = -math.inf  # the least value of a number
+    optional: bool = False  # whether a number may be unknown: NaN in the frame, empty in a file
+    text: str = ""  # format of a number in a file
 
     @property
     def expected(self) -> str:
@@ -56,19 +48,12 @@ class Column(NamedTuple):
 
 
 class Schema(NamedTuple):
-    """A table.
+    """A table."""
 
-    Attributes:
-        name: such as "a table of metrics".
-        columns: by name, in order.
-        key: columns that no two rows share the values of.
-        more: whether there may be further columns, of text.
-    """
-
-    name: str
-    columns: Mapping[str, Column]
-    key: tuple[str, ...] = ()
-    more: bool = False
+    name: str  # such as "a table of metrics"
+    columns: Mapping[str, Column]  # by name, in order
+    key: tuple[str, ...] = ()  # columns that no two rows share the values of
+    more: bool = False  # whether there may be further columns, of text
 
 
 def make_table(schema: Schema, rows: Iterable[Mapping[str, Any]]) -> Table:
@@ -92,7 +77,6 @@ def check_table(schema: Schema, table: Table, path: str | Path) -> Table:
     """The table itself, if it is one of the schema.
 
     Args:
-        schema: of the table.
         table: any frame.
         path: named in errors.
 

@@ -17,16 +17,18 @@ import zipfile
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.npy import Declared, Header, HeaderError, read_array, read_header
 
+Record = TypeVar("Record")
 # Failures of the disk rather than of the program.
 _DISK_ERRORS = {
     errno.EACCES,
@@ -167,13 +169,10 @@ def _claim(handle: int) -> None:
 
 
 def sweep(root: str | Path) -> list[Path]:
-    """Remove what killed processes were writing below a folder.
+    """Remove what killed processes were writing below a folder, and say what it was.
 
     What a living process of this machine writes is left alone. Nobody can ask the processes of
     another machine: what those wrote goes once it has not changed for a day.
-
-    Returns:
-        What was removed.
     """
     removed = []
     for folder, folders, files in os.walk(root):
@@ -259,12 +258,7 @@ def copy_folder(source: str | Path, target: str | Path) -> None:
 
 
 def output_of(path: str | Path, root: str | Path) -> Path:
-    """The output of a rule that a file is, or is part of, by the marks that Snakemake leaves.
-
-    Args:
-        path: of the file.
-        root: folder of all outputs.
-    """
+    """The output of a rule below `root` that a file is, or is part of, by Snakemake's marks."""
     inside = [folder for folder in Path(path).parents if Path(root) in folder.parents]
     marked = (folder for folder in reversed(inside) if (folder / _MARK).exists())
     return next(marked, Path(path))
@@ -413,6 +407,58 @@ def load_npz(
             with _naming(path, key):
                 declared.check_values(forms[key], array)
     return arrays
+
+
+_PLAIN = {str: "str", int: "int", float: "number", bool: "bool", tuple[str, ...]: "str *"}
+
+
+def forms_of(record: type) -> dict[str, str]:
+    """Key -> kind and axes of what a record's file holds, by the annotations of its fields.
+
+    Arrays are annotated as in `Annotated[np.ndarray, "float n 72"]`, see `load_npz`. Other fields
+    are texts, numbers, truth values, or records whose fields stand beside the others.
+    """
+    forms: dict[str, str] = {}
+    for name, hint in get_type_hints(record, include_extras=True).items():
+        if is_dataclass(hint):
+            forms |= forms_of(hint)
+        else:
+            forms[name] = get_args(hint)[1] if get_origin(hint) is Annotated else _PLAIN[hint]
+    return forms
+
+
+def save_record(path: str | Path, record: Any, **instead: Any) -> None:
+    """Write a dataclass as `.npz`, some values `instead` of its own."""
+    save_npz(path, **_flat(record) | instead)
+
+
+def _flat(record: Any) -> dict[str, Any]:
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    parts = [name for name, value in values.items() if is_dataclass(value)]
+    for name in parts:
+        values |= _flat(values.pop(name))
+    return values
+
+
+def load_record(path: str | Path, record: type[Record], **instead: str) -> Record:
+    """Read what `save_record` wrote, some keys in other forms `instead` of the annotated ones.
+
+    Raises:
+        InputError: see `load_npz`.
+    """
+    return _of_arrays(record, load_npz(path, forms_of(record) | instead))
+
+
+def _of_arrays(record: type[Record], arrays: Mapping[str, np.ndarray]) -> Record:
+    values: dict[str, Any] = {}
+    for name, hint in get_type_hints(record).items():
+        if is_dataclass(hint):
+            values[name] = _of_arrays(hint, arrays)
+        elif get_origin(hint) is tuple:
+            values[name] = tuple(map(str, arrays[name]))
+        else:
+            values[name] = arrays[name] if hint is np.ndarray else hint(arrays[name])
+    return record(**values)
 
 
 @contextmanager

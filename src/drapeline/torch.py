@@ -23,6 +23,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from drapeline.dataset.reader import Cloth3D, Frame, Sample
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.seeding import rng_for
 
 
@@ -120,7 +121,6 @@ class SequenceDataset(Dataset):
     it. A data set may be used by several workers: each opens files of its own.
 
     Args:
-        data: samples to read.
         frames: T.
         stride: from one window to the next, at most T; T if None.
         garments: types to read; all if None. Samples that wear none of them are left out.
@@ -178,7 +178,7 @@ class SequenceDataset(Dataset):
             poses=_float(info.poses[part]),
             trans=_float(sample.root_positions(part.start, part.stop)),
             shape=_float(info.shape),
-            gender=torch.tensor(info.gender),
+            gender=torch.tensor(GENDERS.index(info.gender)),
             tightness=_float(np.full(2, np.nan) if info.tightness is None else info.tightness),
         )
 
@@ -187,7 +187,6 @@ class FrameDataset(SequenceDataset):
     """Single frames.
 
     Args:
-        data: samples to read.
         step: every so many frames of a sample are read.
         garments, body, coordinates, keep: see `SequenceDataset`.
 
@@ -246,10 +245,6 @@ def collate(items: Sequence[OutfitFrames]) -> OutfitBatch:
 
 class SeededOrder(Sampler):
     """Every pass over the data set in another order, which depends on seed and epoch alone.
-
-    Args:
-        count: items of the data set.
-        seed: of the orders.
 
     Attributes:
         epoch: of the next pass; set it to go on with a training that was stopped.

@@ -83,7 +83,6 @@ from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
-from drapeline.motions.clips import read_deepmimic
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import Cycle, save_motion
@@ -118,11 +117,9 @@ from toys.metric_rows import metric_row, metric_table
 from toys.motion_files import (
     amc_text,
     asf_text,
-    deepmimic_frame,
     smooth_turns,
     standing_motion,
     write_bvh,
-    write_deepmimic,
 )
 from toys.moving import write_registered_sample
 from toys.outfits_at_rest import save_static
@@ -300,7 +297,7 @@ def _make_info(folder: Path) -> None:
             np.zeros((4, 72)),
             np.zeros((4, 3)),
             np.zeros(10),
-            1,
+            "male",
             0.5,
             {"Top": texture},
             np.zeros(2),
@@ -735,11 +732,6 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("bvh_length", _make_bvh, _count)
     yield Loader("amc", _make_amc, _import)
     yield Loader("amc_length", _make_amc, _count, "*.amc")
-    yield Loader(
-        "deepmimic",
-        lambda f: write_deepmimic(f / "clip.json", [deepmimic_frame(x=0.01 * k) for k in range(6)]),
-        lambda f: read_deepmimic(f / "clip.json"),
-    )
     yield Loader(
         "joint_map",
         lambda f: (f / "map.yaml").write_text((sorted(BUILT_IN.glob("*.yaml"))[0]).read_text()),

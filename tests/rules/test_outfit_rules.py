@@ -41,7 +41,7 @@ def made(run_rule, toy_body, tmp_path_factory):
     save_body(folder / "body.npz", toy_body)
     (folder / "bodies").mkdir()
     poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
-    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender="female")
     save_body_sequence(folder / "bodies" / "00001.npz", record)
     run_rule(
         "build_templates",
@@ -201,7 +201,7 @@ def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, 
     make(run_rule, stages)
     poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
     poses[:, 3 * 1 + 2], poses[:, 3 * 2 + 2] = -0.6, 0.6  # legs crossed through one another
-    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender="female")
     assert record.outcome == "rejected"
     save_body_sequence(stages / "bodies" / "00001.npz", record)
     assert [path.name for path in simulate(run_rule, stages).iterdir()] == ["attempt.json"]

@@ -96,7 +96,9 @@ def test_no_two_outfits_share_a_body_or_parameters(run_rule, stages):
     shapes = np.array([one.outfit.shape for one in outfits])
     apart = np.abs(shapes[:, None] - shapes[None]).sum(-1)[~np.eye(len(shapes), dtype=bool)]
     assert apart.min() > 0.1
-    seeds = [g.about["parameters"]["fold_seed"] for one in outfits for g in one.outfit.garments]
+    seeds = [
+        g.attributes["parameters"]["fold_seed"] for one in outfits for g in one.outfit.garments
+    ]
     assert len(set(seeds)) == len(seeds)
 
 
@@ -149,7 +151,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers):
 def test_ends_are_gathered_as_often_as_asked(run_rule, stages, chance):
     outfits = make(run_rule, stages, f"elastic{chance}", elastics=chance)
     garments = [garment for one in outfits for garment in one.outfit.garments]
-    gathered = [on for garment in garments for on in garment.about["elastic"].values()]
+    gathered = [on for garment in garments for on in garment.attributes["elastic"].values()]
     assert gathered
     assert set(gathered) == {chance > 0}
 
@@ -169,7 +171,7 @@ def test_outfits_that_hang_sag_and_those_that_do_it_badly_stay(run_rule, stages)
         ):
             np.testing.assert_array_equal(a.faces, b.faces)
             np.testing.assert_array_equal(a.vertices, c.vertices)
-            assert a.about == b.about
+            assert a.attributes == b.attributes
             moved = a.vertices - b.vertices
             assert np.linalg.norm(moved, axis=1).max() > 0.01
             sunk.append(moved[:, 2].mean())

@@ -91,7 +91,7 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
     """pose_garment(...) runs the rule and gives the files that it wrote."""
     poses = np.tile(REST_POSE, (6, 1))
     poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
-    record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
+    record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender="female")
     save_body_sequence(tmp_path / "bodies" / "00001.npz", record)
 
     def run(**changes):

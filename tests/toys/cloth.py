@@ -56,7 +56,7 @@ def dress(body: BodyModel) -> DressedBody:
     trans = np.array([2.0, 1.0, 1.0]) + 0.01 * np.arange(FRAMES)[:, None]
     return DressedBody(
         body,
-        make_body_sequence(body, np.zeros(10), poses, trans, gender=0),
+        make_body_sequence(body, np.zeros(10), poses, trans, gender="female"),
         Outfit((skirt(),), np.zeros(10), np.zeros(2), np.zeros(2), "female"),
     )
 

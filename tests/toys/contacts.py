@@ -22,7 +22,7 @@ GAPS = [
 ]
 
 
-def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=()):
+def after_contact(kernel, near, parts, old, new, *, layers, clearance=FAR, friction=()):
     """Places (4, 3) after a contact, and those that count as before it.
 
     A contact alone does the same whether contacts act in turn or at once.
@@ -33,17 +33,17 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
         parts: triangles (F, 3) or edges (E, 2).
         old, new: (4, 3) places before the step and now, of vertices that weigh `MASS`.
         layers: (4,) of the vertices.
-        room: where the body faces itself.
+        clearance: where the body faces itself.
         friction: of the kernel, if it has one.
     """
     start_warp()
-    args = (kernel, near, parts, old, new, layers, room, friction)
-    in_turn, at_once = (_after_contact(*args, together=together) for together in (False, True))
+    args = (kernel, near, parts, old, new, layers, clearance, friction)
+    in_turn, at_once = (_after_contact(*args, parallel=parallel) for parallel in (False, True))
     np.testing.assert_allclose(at_once, in_turn, atol=1e-7)
     return in_turn
 
 
-def _after_contact(kernel, near, parts, old, new, layers, room, friction, *, together):
+def _after_contact(kernel, near, parts, old, new, layers, clearance, friction, *, parallel):
     near = np.array(near, np.int32)
     state = [wp.array(np.float32(part), dtype=wp.vec3) for part in (old, new)]
     launch = BusyLaunch(
@@ -54,10 +54,10 @@ def _after_contact(kernel, near, parts, old, new, layers, room, friction, *, tog
             wp.array(np.int32(parts), dtype=wp.types.vector(len(parts[0]), int)),
             wp.array(np.int32(layers), dtype=int),
             wp.array(np.float32(1 / MASS), dtype=float),
-            wp.array(np.float32([room] * 4), dtype=wp.vec2),
+            wp.array(np.float32([clearance] * 4), dtype=wp.vec2),
             *(OWN_GAP, LAYER_GAP, RELEASE_M, *friction),
         ],
-        outputs=[moves := make_moves(4 if together else 0), *state],
+        outputs=[moves := make_moves(4 if parallel else 0), *state],
     )
     launch.find()
     launch.launch()

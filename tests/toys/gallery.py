@@ -7,7 +7,7 @@ import torch
 
 from drapeline.bodies.model import BodyModel, save_body
 from drapeline.bodies.rest_body import SHAPES, rest_basis
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.model import TRAINING_CODES, GarmentCodes, body_file
 from drapeline.models.smplicit.network import GarmentField
@@ -83,7 +83,7 @@ def training_codes(count: int = 44) -> GarmentCodes:
         np.full(count, GARMENTS.index("Skirt")),
         np.array([f"s{row:05d}" for row in range(count)]),
         np.zeros((count, SHAPES), np.float32),
-        np.arange(count) % 2,
+        gender_names(np.arange(count) % 2),
     )
 
 
@@ -93,7 +93,8 @@ def save_toy_model(folder: Path, body: BodyModel, codes: GarmentCodes) -> None:
     basis = rest_basis(dict.fromkeys(GENDERS, body))[:, ::400].astype(np.float32)
     network = GarmentField("skirt", SETTINGS, torch.from_numpy(basis), len(codes.z))
     write_checkpoint(folder / BEST, network.state_dict(), network.checkpoint_metadata())
-    save_npz(folder / TRAINING_CODES, **codes._asdict())
+    arrays = codes._asdict() | {"gender": gender_codes(codes.gender)}
+    save_npz(folder / TRAINING_CODES, **arrays)
     for gender in GENDERS:
         save_body(body_file(folder, gender), body)
 
@@ -114,7 +115,7 @@ def toy_outfits(codes: GarmentCodes) -> list[StaticOutfit]:
                 np.zeros(SHAPES),
                 np.zeros(2),
                 np.zeros(2),
-                GENDERS[gender],
+                gender,
             ),
         )
         for z, name, gender in zip(codes.z, codes.outfit, codes.gender, strict=True)
@@ -130,5 +131,5 @@ def _garment(mesh: Mesh) -> Garment:
         uv_faces=np.zeros((0, 4), np.int32),
         pin=np.zeros(0, np.float32),
         elastic=np.zeros(0, np.float32),
-        about={},
+        attributes={},
     )

@@ -53,7 +53,7 @@ def toy_sequence(
         name=f"{number:05d}",
         source=source,
         split=split,
-        gender=0,
+        gender="female",
         shape=shape,
         poses=poses,
         number=10 + np.arange(frames) * (3 if source == "skinned" else 1),

@@ -5,7 +5,9 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from drapeline.frames import gender_names
 from drapeline.geometry.mesh import edges
+from drapeline.learning_data.static import static_cvar
 from drapeline.models.gcvae.data import BodyTemplate, cvar_statistics
 from drapeline.outfits.garment_types import GARMENTS
 
@@ -60,7 +62,7 @@ class ToyGarments:
         body = tube()
         out = body * [1, 1, 0] / 0.1
         self.shape = rng.uniform(-1, 1, (count, 10)).astype(np.float32)
-        self.gender = rng.integers(0, 2, count)
+        self.gender = gender_names(rng.integers(0, 2, count))
         self.tightness = rng.uniform(-1.5, 0.5, (count, 2)).astype(np.float32)
         self.codes = rng.integers(0, 2, count)
         gap = rng.uniform(0.01, 0.05, (count, 1, 1))
@@ -78,8 +80,7 @@ class ToyGarments:
         return self.codes[rows]
 
     def cvar(self, rows):
-        parts = (self.shape[rows], self.gender[rows, None], self.tightness[rows])
-        return np.concatenate(parts, 1).astype(np.float32)
+        return static_cvar(self.shape[rows], self.gender[rows], self.tightness[rows])
 
     mirrored_cvar = cvar
 

@@ -7,7 +7,7 @@ import torch
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_basis, rest_body
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes
 from drapeline.geometry.mesh import edges
 from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.load import save_static_files
@@ -54,8 +54,9 @@ def save_static_data(folder: Path) -> TypedGarments:
     folder.mkdir(parents=True)
     np.save(folder / "offsets.npy", garments.offsets)
     np.save(folder / "mask.npy", garments.mask)
-    names = ("shape", "gender", "tightness", "garment", "outfit", "split")
-    save_npz(folder / "rows.npz", **{name: getattr(garments, name) for name in names})
+    names = ("shape", "tightness", "garment", "outfit", "split")
+    rows = {name: getattr(garments, name) for name in names}
+    save_npz(folder / "rows.npz", **rows, gender=gender_codes(garments.gender))
     save_npz(
         folder / "statistics.npz",
         mean=garments.offsets[train].mean(0),

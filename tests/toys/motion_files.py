@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.motions.clips import FRAME_SIZE
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
 
@@ -96,7 +95,7 @@ DEEPMIMIC_HINGES = {"right_knee": 20, "left_knee": 34, "right_elbow": 29, "left_
 
 def deepmimic_frame(duration=1 / 60, x=0.0, **hinges):
     """A standing frame of a humanoid3d clip: hanging arms, root 0.85 m up."""
-    row = np.zeros(FRAME_SIZE)
+    row = np.zeros(44)
     row[0:4] = duration, x, 0.85, 0.0
     row[[4, 8, 12, 16, 21, 25, 30, 35, 39]] = 1.0  # quaternions, w first
     for name, angle in hinges.items():

@@ -20,9 +20,9 @@ def save_static(shard: Path, outfits: Iterable[StaticOutfit]) -> Path:
 
 def _whole(garment: Garment) -> Garment:
     """With a texture, ends and a fabric, if it has none."""
-    about = {"fabric": "cotton", "texture": {"type": "color"}, **garment.about}
+    attributes = {"fabric": "cotton", "texture": {"type": "color"}, **garment.attributes}
     if len(garment.pin):
-        return replace(garment, about=about)
+        return replace(garment, attributes=attributes)
     ends = np.zeros(len(garment.vertices), np.float32)
     return replace(
         garment,
@@ -30,5 +30,5 @@ def _whole(garment: Garment) -> Garment:
         uv_faces=np.zeros_like(garment.faces),
         pin=ends,
         elastic=ends,
-        about=about,
+        attributes=attributes,
     )

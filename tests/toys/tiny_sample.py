@@ -9,7 +9,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, ClipLabels, save_body_sequence
 from drapeline.dataset.writer import write_sample
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.outfit import Garment, Outfit
@@ -79,7 +79,7 @@ def write_stages(
     seed: int = 0,
     status: str = "accepted",
     source: str = "walk.txt",
-    gender: int = 0,
+    gender: str = "female",
 ) -> TinySample:
     """Write bodies/, outfits/ and simulation/ of one sample under `stages`."""
     rng = rng_for(seed, "tiny sample", sample)
@@ -121,7 +121,7 @@ def write_stages(
             mesh.uv_faces,
             pin=np.zeros(len(mesh.vertices), dtype=np.float32),
             elastic=np.zeros(len(mesh.vertices), dtype=np.float32),
-            about={
+            attributes={
                 "fabric": fabric,
                 "elastic": {},
                 "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},
@@ -131,7 +131,7 @@ def write_stages(
         for (name, mesh), fabric in zip(meshes.items(), ("cotton", "denim"), strict=True)
     )
     tightness = np.array([-1.0, 0.25])
-    outfit = Outfit(garments, shape, tightness, tightness, GENDERS[gender])
+    outfit = Outfit(garments, shape, tightness, tightness, gender)
     outfit.save(stages / "outfits" / f"{sample}.npz", stages / "outfits" / f"{sample}.json")
     simulation = stages / "simulation" / sample
     for name, values in vertices.items():

@@ -78,8 +78,7 @@ def test_imports_go_one_way(part):
                 assert part == "blender", f"{path.name} imports {name} outside blender/"
             # These take seconds to import, which is why hardly any job does.
             if names[0] == "torch":
-                allowed = part in {"models", "torch"} or path.name == "bake.py"
-                assert allowed, f"{path.name} imports torch"
+                assert part in {"models", "torch"}, f"{path.name} imports torch"
             if names[0] in {"pytorch_lightning", "lightning"}:
                 assert path.name == "lightning.py", f"{path.name} imports Lightning"
             if names[0] == "pandas":

@@ -9,7 +9,9 @@ import threading
 import time
 import zipfile
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -25,11 +27,13 @@ from drapeline.storage import (
     create_array,
     link_or_copy,
     load_npz,
+    load_record,
     open_arrays,
     output_of,
     read_json,
     read_rows,
     save_npz,
+    save_record,
     sweep,
     write_json,
     write_rows,
@@ -599,3 +603,28 @@ def test_a_table_keeps_one_line_per_row(tmp_path):
 def test_columns_may_be_named_before_there_are_rows(tmp_path):
     write_rows(tmp_path / "t.tsv", [], ["b", "a"])
     assert (tmp_path / "t.tsv").read_text() == "b\ta\n"
+
+
+@dataclass(frozen=True)
+class Origin:
+    place: str = "here"
+
+
+@dataclass(frozen=True)
+class Cloth:
+    points: Annotated[np.ndarray, "float n 3"]
+    faces: Annotated[np.ndarray, "int<n * 3"]
+    names: tuple[str, ...]
+    layer: int
+    origin: Origin
+
+
+def test_records_are_read_as_their_annotations_say(tmp_path):
+    cloth = Cloth(np.ones((4, 3)), np.zeros((2, 3), int), ("hem", "waist"), 2, Origin("there"))
+    save_record(tmp_path / "cloth.npz", cloth)
+    again = load_record(tmp_path / "cloth.npz", Cloth)
+    np.testing.assert_array_equal(again.points, cloth.points)
+    assert (again.names, again.layer, again.origin) == (cloth.names, 2, cloth.origin)
+    save_record(tmp_path / "cloth.npz", cloth, faces=np.full((2, 3), 4))
+    with pytest.raises(InputError, match=r"cloth.npz: 'faces' names number 4, expected 0 to 3"):
+        load_record(tmp_path / "cloth.npz", Cloth)

@@ -240,8 +240,8 @@ outfit = sample_outfit(
 index = LABELS.index(garment.name) - 1
 json.dump(
     {
-        "parts": list(garment.about["parameters"]),
-        "upper": list(garment.about["parameters"]["upper"]),
+        "parts": list(garment.attributes["parameters"]),
+        "upper": list(garment.attributes["parameters"]["upper"]),
         "held": int(garment.pin.sum()),
         "index": index,
         "topology": TOPOLOGIES[topology_codes(np.array([index]))[0]],
@@ -513,7 +513,7 @@ def test_a_row_of_the_table_makes_a_fabric(monkeypatch, toy_body, tmp_path):
     }
     assert {"Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress"} == drawn
     dressed = dress(toy_body)
-    dressed.outfit.garments[0].about["fabric"] = "linen"
+    dressed.outfit.garments[0].attributes["fabric"] = "linen"
     status = simulate_outfit(
         tmp_path / "00001",
         dressed,

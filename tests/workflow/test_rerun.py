@@ -54,7 +54,7 @@ CASES = {
     "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | SIMULATED | {"make_outfits"},
     "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG | SIMULATED,
     "drapeline.dataset.card:dataset_card": {"collect_dataset"},
-    "drapeline.registration.to_body.nicp:lay_on": {
+    "drapeline.registration.to_body.nicp:fit_to_surface": {
         *("plot_registration", "register_samples", "register_outfits")
     },
     # How networks are trained is nothing to those who use them.

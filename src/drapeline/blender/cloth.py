@@ -55,11 +55,7 @@ class BlenderCloth:
         return {"bpy": bpy.app.version_string}
 
     def simulate(
-        self,
-        garments: Sequence[ClothGarment],
-        body: MovingBody,
-        attempt: Attempt,
-        scratch: Path,
+        self, garments: Sequence[ClothGarment], body: MovingBody, attempt: Attempt, scratch: Path
     ) -> Iterator[list[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment for each frame; see `ClothSolver`."""
         frames = len(body)

@@ -206,8 +206,7 @@ def _export_caches(suffix: str) -> Callable[[Path, str, list[ScenePart]], None]:
     def export(folder: Path, name: str, parts: list[ScenePart]) -> None:
         for part in parts:
             save_obj(
-                folder / f"{part.name}.obj",
-                _with_vertices(part.mesh, to_y_up(part.mesh.vertices)),
+                folder / f"{part.name}.obj", _with_vertices(part.mesh, to_y_up(part.mesh.vertices))
             )
             with point_cache_writer(
                 folder / f"{part.name}{suffix}",

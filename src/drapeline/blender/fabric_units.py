@@ -1,4 +1,4 @@
-"""What Blender's cloth must be told so that a mesh moves as a fabric of given physical values."""
+"""Settings of Blender's cloth for a mesh to move as a fabric of given physical values."""
 
 from dataclasses import dataclass
 
@@ -42,9 +42,6 @@ def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
     With edges of length L, mass and drag per vertex grow with L^2, tension with L, and the bending
     terms with 1 / L^2, for the arm of a hinge's force is L as well as its angle; damping is per
     spring. Mass, stretch, bending, damping and drag are then the fabric's at every resolution.
-
-    Args:
-        edge_length_m: mean edge length of the mesh.
     """
     ratio = edge_length_m / UNIT_EDGE_M
     stretch = fabric.stretch_n_per_m / _STRETCH_N_PER_M * ratio

@@ -7,10 +7,7 @@ import numpy as np
 
 
 def add_mesh(
-    name: str,
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    colour: Sequence[float] = (0.6, 0.6, 0.6),
+    name: str, vertices: np.ndarray, faces: np.ndarray, colour: Sequence[float] = (0.6, 0.6, 0.6)
 ) -> bpy.types.Object:
     """Add a smooth-shaded mesh object, vertices (V, 3) metres, to the current scene."""
     data = bpy.data.meshes.new(name)
@@ -32,13 +29,7 @@ def add_mesh(
 def add_material(
     thing: bpy.types.Object, linear_colour: Sequence[float], *, roughness: float
 ) -> None:
-    """Give a mesh object a plain material of its name.
-
-    Args:
-        thing: the mesh object.
-        linear_colour: linear RGB in 0-1.
-        roughness: 0 for a mirror, 1 for chalk.
-    """
+    """Give a mesh object a material of its name: linear RGB and roughness (1: chalk) in 0-1."""
     material = bpy.data.materials.new(thing.name)
     shader = shader_node(material, "ShaderNodeBsdfPrincipled")
     shader.inputs["Base Color"].default_value = (*linear_colour, 1.0)

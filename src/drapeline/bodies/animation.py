@@ -28,17 +28,11 @@ CONTACT_M = 0.015  # a foot whose lowest vertex is below this height stands
 
 @dataclass(frozen=True)
 class GroundContact:
-    """How well a placed motion meets the floor z = 0.
+    """Contact of a placed motion with the floor z = 0."""
 
-    Attributes:
-        penetration_m: greatest depth of any vertex below the floor.
-        mean_penetration_m: depth of each frame's lowest vertex below the floor, averaged.
-        foot_sliding_m_s: mean horizontal speed of a standing foot's lowest vertex; 0 if no
-            foot ever stands.
-    """
-
-    penetration_m: float
-    mean_penetration_m: float
+    penetration_m: float  # greatest depth of any vertex below the floor
+    mean_penetration_m: float  # depth of each frame's lowest vertex below the floor, averaged
+    # Mean horizontal speed of a standing foot's lowest vertex; 0 if no foot ever stands.
     foot_sliding_m_s: float
 
 
@@ -55,15 +49,12 @@ def leg_length_m(body: BodyModel, shape: np.ndarray) -> float:
 
 
 def place_on_floor(vertices: np.ndarray, trans: np.ndarray, scale: float) -> np.ndarray:
-    """Scale the root's path and set it on the floor.
+    """(N, 3) float64 path of the body's root joint, scaled and set on the floor.
 
     Args:
         vertices: (N, V, 3) posed body relative to its root joint, metres.
         trans: (N, 3) root path of the skeleton that was recorded, metres, Z up.
         scale: leg length of this body over that of the skeleton.
-
-    Returns:
-        (N, 3) float64 path of this body's root joint.
     """
     path = np.array(trans, dtype=np.float64)
     path = path[0] * [1, 1, 0] + (path - path[0] * [1, 1, 0]) * scale
@@ -120,7 +111,7 @@ def first_free_sequence(
     poses: np.ndarray,
     trans: np.ndarray,
     *,
-    gender: int,
+    gender: str,
     reference_leg_length_m: float | None = None,
     removable: str = "hands",
     shape_range: float = 3.0,
@@ -134,17 +125,15 @@ def first_free_sequence(
     shape may pass.
 
     Args:
-        body: of the sample's gender.
         shapes: (10,) shape coefficients each, at least one, taken only as far as needed.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the motion's own root joint in metres.
-        gender: 0 female, 1 male.
+        gender: "female" or "male".
         reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
             path is scaled by the ratio of leg lengths. None keeps it.
         removable: what the outfit leaves bare, a key of `REMOVABLE`.
         shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart, metres.
-        labels: of the motion, for the record.
 
     Returns:
         The sequence, with the number of shapes given up; that of the last shape if all are
@@ -192,19 +181,12 @@ def first_free_sequence(
 
 @dataclass(frozen=True)
 class _Freed:
-    """A body in motion after its parts were pressed apart.
+    """A body in motion after its parts were pressed apart."""
 
-    Attributes:
-        shape: (10,).
-        vertices: (N, V, 3) root-relative, as posed.
-        solution: their corrections.
-        thinned: how many times the body was made thinner.
-    """
-
-    shape: np.ndarray
-    vertices: np.ndarray
+    shape: np.ndarray  # (10,)
+    vertices: np.ndarray  # (N, V, 3) root-relative, as posed
     solution: Solution
-    thinned: int = 0
+    thinned: int = 0  # how many times the body was made thinner
 
     @property
     def free(self) -> bool:

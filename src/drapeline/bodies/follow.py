@@ -21,26 +21,18 @@ _LEAF = 32  # vertices in a tree's leaf; several closest ones are found a third 
 
 
 class PosedBody(NamedTuple):
-    """A body at rest and in another pose.
+    """A body at rest and in another pose."""
 
-    Attributes:
-        rest: (V, 3) metres, in `drapeline.frames.REST_POSE`, root joint at the origin.
-        posed: (V, 3) metres, in the world.
-        turns: (V, 3, 3) linear part of each vertex's motion from the one to the other.
-        faces: (F, 3).
-    """
-
-    rest: np.ndarray
-    posed: np.ndarray
-    turns: np.ndarray
-    faces: np.ndarray
+    rest: np.ndarray  # (V, 3) metres, in `drapeline.frames.REST_POSE`, root joint at the origin
+    posed: np.ndarray  # (V, 3) metres, in the world
+    turns: np.ndarray  # (V, 3, 3) linear part of each vertex's motion from the one to the other
+    faces: np.ndarray  # (F, 3)
 
 
 def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
     """A body at rest and in a pose.
 
     Args:
-        body: of the wearer's gender.
         shape: (10,).
         pose: (72,) axis-angle, rad; its root rotation leads to the world.
         trans: (3,) the root joint there, metres.
@@ -108,21 +100,13 @@ def move(points: np.ndarray, motions: np.ndarray) -> np.ndarray:
 
 
 class PlacesAtRest(NamedTuple):
-    """Points of the posed body's space, moved back to rest.
+    """Points of the posed body's space, moved back to rest."""
 
-    Attributes:
-        places: (P, 3) metres, at rest.
-        near: (P, K) vertices that each point follows, the closest ones in the pose.
-        share: (P, K) how much each of them counts.
-        back: (P, K, 3, 3) linear parts of their motions back.
-        offsets: (P, K, 3) of the point from each of them, at rest.
-    """
-
-    places: np.ndarray
-    near: np.ndarray
-    share: np.ndarray
-    back: np.ndarray
-    offsets: np.ndarray
+    places: np.ndarray  # (P, 3) metres, at rest
+    near: np.ndarray  # (P, K) vertices that each point follows, the closest ones in the pose
+    share: np.ndarray  # (P, K) how much each of them counts
+    back: np.ndarray  # (P, K, 3, 3) linear parts of their motions back
+    offsets: np.ndarray  # (P, K, 3) of the point from each of them, at rest
 
 
 def move_to_rest(points: np.ndarray, body: PosedBody, neighbours: int) -> PlacesAtRest:
@@ -151,7 +135,6 @@ def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: 
 
     Args:
         garment: triangles, on `body.rest`.
-        body: the wearer.
         neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
         smoothing: passes that smooth the motions over the garment, which otherwise jump from one
             leg to the other; none in the paper.

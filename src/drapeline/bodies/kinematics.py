@@ -88,15 +88,12 @@ _OTHER_SIDE = [JOINT_NAMES.index(_other_side(name)) for name in JOINT_NAMES]
 
 
 def skin_planes(planes: Array, transforms: Array, weights: Array) -> Array:
-    """LBS in coordinate planes: one matrix product, then three multiply-adds.
+    """LBS in coordinate planes (N, 3, V): one matrix product, then three multiply-adds.
 
     Args:
         planes: (3, V) or (N, 3, V) coordinates of the rest body.
         transforms: (N, 24, 3, 4) of `joint_transforms`.
         weights: (24, V), columns sum to 1.
-
-    Returns:
-        (N, 3, V) coordinates of the posed body.
     """
     xp = array_module(transforms)
     blended = xp.reshape(xp.moveaxis(transforms, 1, 3), (-1, 24)) @ weights
@@ -108,24 +105,17 @@ def skin_planes(planes: Array, transforms: Array, weights: Array) -> Array:
 
 
 def pose_feature(rotations: Array) -> Array:
-    """What SMPL's pose blend shapes are multiplied by: R - I of every joint but the root.
+    """Factors (N, 207) of SMPL's pose blend shapes: R - I of every joint but the root.
 
     Args:
         rotations: (N, 24, 3, 3).
-
-    Returns:
-        (N, 207).
     """
     difference = rotations[:, 1:] - identity_like(rotations)
     return array_module(rotations).reshape(difference, (len(rotations), -1))
 
 
 def skin_body(
-    vertices: Array,
-    joints: Array,
-    weights: Array,
-    poses: Array,
-    posedirs: Array | None = None,
+    vertices: Array, joints: Array, weights: Array, poses: Array, posedirs: Array | None = None
 ) -> tuple[Array, Array]:
     """Pose a body as SMPL does; differentiable in every argument where those are torch's.
 
@@ -151,15 +141,12 @@ def skin_body(
 
 
 def skin_points(points: np.ndarray, motions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """LBS of points from the rest pose to poses.
+    """LBS of points from rest to poses: (N, M, 3) float64 metres, the root joint at the origin.
 
     Args:
         points: (M, 3) or (N, M, 3) metres in rest.
         motions: (N, 24, 3, 4) of `rest_body.rest_to_pose`.
         weights: (M, 24), rows sum to 1.
-
-    Returns:
-        (N, M, 3) float64 metres, the root joint at the origin.
     """
     blended = _blend_motions(motions, weights)
     return (blended[..., :3] @ points[..., None])[..., 0] + blended[..., 3]

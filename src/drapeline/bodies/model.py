@@ -25,30 +25,19 @@ _TOGETHER = 1 << 15  # posed vertices that are worked on at once: cache against 
 
 @dataclass(frozen=True)
 class BodyModel:
-    """A body in SMPL's format; Y up, facing +Z, T-pose, metres.
+    """A body in SMPL's format; Y up, facing +Z, T-pose, metres."""
 
-    Attributes:
-        v_template: (V, 3) float32 mean body.
-        shapedirs: (V, 3, 10) float32, metres per unit of a shape coefficient.
-        posedirs: (V, 3, 207) float32 pose blend shapes.
-        J_regressor: (24, V) float32.
-        weights: (V, 24) float32 skinning weights.
-        faces: (F, 3) int32.
-        vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates, or None.
-        segmentation: (V,) int32, the joint whose part each vertex belongs to.
-        name: which body model and version this is, such as "drapeline-anny-female-1".
-    """
-
-    v_template: np.ndarray
-    shapedirs: np.ndarray
-    posedirs: np.ndarray
-    J_regressor: np.ndarray
-    weights: np.ndarray
-    faces: np.ndarray
+    v_template: np.ndarray  # (V, 3) float32 mean body
+    shapedirs: np.ndarray  # (V, 3, 10) float32, metres per unit of a shape coefficient
+    posedirs: np.ndarray  # (V, 3, 207) float32 pose blend shapes
+    J_regressor: np.ndarray  # (24, V) float32
+    weights: np.ndarray  # (V, 24) float32 skinning weights
+    faces: np.ndarray  # (F, 3) int32
+    # vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates, or None.
     vt: np.ndarray | None
     ft: np.ndarray | None
-    segmentation: np.ndarray
-    name: str
+    segmentation: np.ndarray  # (V,) int32, the joint whose part each vertex belongs to
+    name: str  # which body model and version this is, such as "drapeline-anny-female-1"
 
     @cached_property
     def has_posedirs(self) -> bool:
@@ -88,11 +77,7 @@ def load_bodies(files: Mapping[str, str | Path]) -> dict[str, BodyModel]:
 
 
 def save_body(path: str | Path, body: BodyModel, **about: str | int) -> None:
-    """Write a body with SMPL's own key names, readable by `load_body` and by `smplx.SMPL`.
-
-    Args:
-        about: further entries, such as a licence.
-    """
+    """Write a body and further entries with SMPL's own key names: `smplx.SMPL` reads it as well."""
     parents = PARENTS.astype(np.int64).copy()
     parents[0] = 2**32 - 1  # as SMPL's own files mark the root
     texture = {} if body.vt is None else {"vt": body.vt, "ft": body.ft}

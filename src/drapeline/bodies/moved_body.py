@@ -22,17 +22,11 @@ UNKNOWNS = SHAPE.stop
 
 
 class BodyState(NamedTuple):
-    """Where a body is.
+    """Shape and place of a body."""
 
-    Attributes:
-        rotations: (24, 3, 3) of each joint against its parent.
-        trans: (3,) the root joint, metres.
-        shape: (10,).
-    """
-
-    rotations: np.ndarray
-    trans: np.ndarray
-    shape: np.ndarray
+    rotations: np.ndarray  # (24, 3, 3) of each joint against its parent
+    trans: np.ndarray  # (3,) the root joint, metres
+    shape: np.ndarray  # (10,)
 
     @classmethod
     def of(cls, pose: np.ndarray, trans: np.ndarray, shape: np.ndarray) -> "BodyState":
@@ -59,30 +53,15 @@ class BodyState(NamedTuple):
 
 
 class SkinPoints(NamedTuple):
-    """Points of a body's surface, in SMPL's T-pose relative to the root joint.
+    """Points of a body's surface, in SMPL's T-pose relative to the root joint."""
 
-    Attributes:
-        places: (P, 3) metres.
-        weights: (P, 24) of skinning.
-        by_shape: (P, 3, 10) change of the places per unit of shape.
-    """
-
-    places: np.ndarray
-    weights: np.ndarray
-    by_shape: np.ndarray
+    places: np.ndarray  # (P, 3) metres
+    weights: np.ndarray  # (P, 24) of skinning
+    by_shape: np.ndarray  # (P, 3, 10) change of the places per unit of shape
 
 
 class MovedBody:
-    """A body in a state, with derivatives of its points.
-
-    Args:
-        model: of the body.
-        state: of it.
-
-    Attributes:
-        vertices: (V, 3) posed, metres.
-        joints: (24, 3) posed.
-    """
+    """A body in a state: `vertices` (V, 3), `joints` (24, 3) in metres, and their derivatives."""
 
     def __init__(self, model: BodyModel, state: BodyState) -> None:
         self.model, self.state = model, state
@@ -127,7 +106,6 @@ class MovedBody:
         """(P, U) derivatives of along . x for points x.
 
         Args:
-            points: of the surface.
             along: (P, 3), which may differ from point to point.
             offsets: (P, 3) in `REST_POSE`, of points that follow those of the surface and turn
                 with them; the surface's own if None.

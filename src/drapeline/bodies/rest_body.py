@@ -38,15 +38,12 @@ def shape_basis(body: BodyModel) -> np.ndarray:
 
 
 def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Rigid motions of the joints' frames from `REST_POSE` to poses, root joint at the origin.
+    """(N, 24, 3, 4) float64 motions of the joints from `REST_POSE`, the root joint at the origin.
 
     Args:
         body: any SMPL-format body.
         shape: (10,).
         poses: (N, 72) axis-angle, rad.
-
-    Returns:
-        (N, 24, 3, 4) float64 rotation and translation in metres.
     """
     _, joints = shape_body(body, shape)
     places = (joints - joints[0]).astype(np.float64)

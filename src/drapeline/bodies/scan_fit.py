@@ -24,15 +24,13 @@ _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
 
 
 class BodyTerms:
-    """What a scan says about the body in it.
+    """Residuals of a body against a scan of it.
 
     Args:
         points: (P, 3) metres, in the world.
         skin: (P,) whether each is skin; all others are cloth.
         first: the first estimate.
         joints: (24, 3) predicted in the world, or None.
-        settings: weights.
-        rng: draws the points that count.
     """
 
     def __init__(

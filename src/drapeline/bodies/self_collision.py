@@ -105,25 +105,16 @@ PAIRS = _pairs()
 
 @dataclass(frozen=True)
 class BodyParts:
-    """What does not change with the pose about a body's mesh and its parts.
+    """Parts of a body's mesh, as far as they do not change with the pose."""
 
-    Attributes:
-        faces: (F, 3).
-        part_vertices: ids of each part's vertices.
-        part_edges: (E', 2) edges within each part.
-        part_faces: (F', 3) faces with two or three corners in each part.
-        faces_of: (V, F) sparse, with ones where a face has a vertex.
-        neighbours: (V, V) sparse adjacency with ones on the diagonal.
-        seam: (V, P) bool, vertices within two rings of each part: where parts join, their
-            closeness means nothing.
-    """
-
-    faces: np.ndarray
-    part_vertices: tuple[np.ndarray, ...]
-    part_edges: tuple[np.ndarray, ...]
-    part_faces: tuple[np.ndarray, ...]
-    faces_of: csr_matrix
-    neighbours: csr_matrix
+    faces: np.ndarray  # (F, 3)
+    part_vertices: tuple[np.ndarray, ...]  # ids of each part's vertices
+    part_edges: tuple[np.ndarray, ...]  # (E', 2) edges within each part
+    part_faces: tuple[np.ndarray, ...]  # (F', 3) faces with two or three corners in each part
+    faces_of: csr_matrix  # (V, F) sparse, with ones where a face has a vertex
+    neighbours: csr_matrix  # (V, V) sparse adjacency with ones on the diagonal
+    # (V, P) bool, vertices within two rings of each part: where parts join, their closeness means
+    # nothing.
     seam: np.ndarray
 
     def around(self, ids: np.ndarray) -> np.ndarray:
@@ -223,11 +214,7 @@ def _mark_inside(
 
 
 class InsideParts:
-    """Tells which vertices lie behind the nearest ones of other parts.
-
-    Args:
-        parts: the body's parts.
-    """
+    """Tells which vertices lie behind the nearest ones of other parts."""
 
     def __init__(self, parts: BodyParts) -> None:
         start_warp()
@@ -302,23 +289,17 @@ PASSES = 4
 
 @dataclass(frozen=True)
 class Solution:
-    """Sparse corrections of a sequence, and how deep each collision was.
+    """Sparse corrections of a sequence, and how deep each collision was."""
 
-    Attributes:
-        frame, vertex: (m,) int32.
-        delta: (m, 3) float32 metres.
-        depth_m: (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to
-            move in each frame; 0 where the parts do not collide.
-        leftover: (N, P) bool, parts that still cross after the last pass.
-        removed: names of the parts that were left out.
-    """
-
+    # frame, vertex: (m,) int32.
     frame: np.ndarray
     vertex: np.ndarray
-    delta: np.ndarray
+    delta: np.ndarray  # (m, 3) float32 metres
+    # (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to move in each
+    # frame; 0 where the parts do not collide.
     depth_m: np.ndarray
-    leftover: np.ndarray
-    removed: frozenset[str]
+    leftover: np.ndarray  # (N, P) bool, parts that still cross after the last pass
+    removed: frozenset[str]  # names of the parts that were left out
 
     def unsolved(self) -> np.ndarray:
         """(N, P) bool: deeper than the pair's limit."""
@@ -342,7 +323,6 @@ def solve_self_collisions(
 
     Args:
         vertices: (N, V, 3) posed body in metres.
-        parts: the body's parts.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
             in one. A frame that is too deep and has no such parts ends it: frames after it are left
@@ -454,24 +434,16 @@ def _solve_frame(
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Where two parts are close.
+    """Places of two parts that are close."""
 
-    Attributes:
-        near: ids of both parts' vertices in the region where they meet.
-        inside: ids of the first part's vertices inside the second, and the reverse.
-    """
-
-    near: tuple[np.ndarray, np.ndarray]
+    near: tuple[np.ndarray, np.ndarray]  # ids of both parts' vertices in the region where they meet
+    # Ids of the first part's vertices inside the second, and the reverse.
     inside: tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class _Contact(_Meeting):
-    """Where two parts cross.
-
-    Attributes:
-        points: (k, 3) crossings of edges with faces.
-    """
+    """Points (k, 3) at which edges of two parts cross faces of the other."""
 
     points: np.ndarray
 
@@ -484,7 +456,7 @@ def _meetings(
     find_inside: InsideParts,
     pair_parts: Sequence[Sequence[int]],
 ) -> list[_Meeting]:
-    """Where the parts of each pair are close; normals are those of the vertices `before`."""
+    """Meetings of the parts of each pair; normals are those of the vertices `before`."""
     near = [places.shared(*pair) for pair in pair_parts]
     questions = []
     for (first, second), (one, other) in zip(pair_parts, near, strict=True):
@@ -495,7 +467,7 @@ def _meetings(
 
 
 class _Places:
-    """Where the vertices of each part are, and the box around them, while they stay there."""
+    """Vertices of each part and the box around them, while they stay there."""
 
     def __init__(self, vertices: np.ndarray, parts: BodyParts) -> None:
         self._vertices, self._parts = vertices, parts
@@ -530,7 +502,7 @@ class _Places:
 def _contact(
     vertices: np.ndarray, parts: BodyParts, meeting: _Meeting, first: int, second: int
 ) -> _Contact | None:
-    """Where two parts cross, if they do."""
+    """Points at which two parts cross, if they do."""
     near, inside = meeting.near, meeting.inside
     if not len(inside[0]) and not len(inside[1]):
         return None
@@ -546,7 +518,7 @@ def _contact(
 
 
 def _within(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Which of the points (3, n) lie in a box."""
+    """Mask of the points (3, n) that lie in a box."""
     keep = np.ones(places.shape[1], dtype=bool)
     for axis in range(3):
         keep &= (places[axis] > low[axis]) & (places[axis] < high[axis])

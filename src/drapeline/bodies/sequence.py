@@ -1,100 +1,66 @@
 """One sample's body in motion, and its file."""
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import GENDERS, PARENTS
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 
 @dataclass(frozen=True)
 class ClipLabels:
-    """Where a motion comes from.
+    """Origin of a motion."""
 
-    Attributes:
-        sequence: name of the sub-sequence, such as "walk_s0".
-        action: such as "walk"; empty if unknown.
-        subject: who moved; empty if unknown.
-        source: file the motion was read from.
-        start_frame: first frame of the sub-sequence in its clip, at 30 fps.
-        speed: seconds of the clip per second of the sub-sequence.
-        mirrored: whether left and right are exchanged.
-    """
-
-    sequence: str = ""
-    action: str = ""
-    subject: str = ""
-    source: str = ""
-    start_frame: int = 0
-    speed: float = 1.0
-    mirrored: bool = False
+    sequence: str = ""  # name of the sub-sequence, such as "walk_s0"
+    action: str = ""  # such as "walk"; empty if unknown
+    subject: str = ""  # who moved; empty if unknown
+    source: str = ""  # file the motion was read from
+    start_frame: int = 0  # first frame of the sub-sequence in its clip, at 30 fps
+    speed: float = 1.0  # seconds of the clip per second of the sub-sequence
+    mirrored: bool = False  # whether left and right are exchanged
 
 
 @dataclass(frozen=True)
 class BodySequence:
-    """A shaped body in motion, and what self-collision solving did to it.
+    """A shaped body in motion, and what self-collision solving did to it."""
 
-    Attributes:
-        shape: (10,) float64 shape coefficients, after thinning.
-        gender: 0 female, 1 male.
-        poses: (N, 72) float64 axis-angle, radians.
-        trans: (N, 3) float64 world position of the root joint in metres, feet on the floor.
-        outcome: "free" of collisions, "solved", "removed" (parts left out), "thinned" or
-            "rejected"; the last that applies.
-        reason: one sentence if rejected, else empty.
-        thinned: how many times the body was made thinner.
-        redrawn: how many shapes were given up before this one.
-        removed_segments: (k,) int32 joints whose segments take no part in collisions.
-        fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
-        fix_delta: (m, 3) float32 metres, world axes.
-        collided_frames: frames in which parts were pressed apart.
-        leftover_frames: frames in which parts still cross somewhere after that.
-        deepest_m: greatest distance that a vertex was moved, metres.
-        penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
-        labels: of the motion.
-    """
-
-    shape: np.ndarray
-    gender: int
-    poses: np.ndarray
-    trans: np.ndarray
+    shape: Annotated[np.ndarray, "float 10"]  # float64 shape coefficients, after thinning
+    gender: str  # "female" or "male"
+    poses: Annotated[np.ndarray, "float n 72"]  # float64 axis-angle, radians
+    # World position of the root joint in metres, float64, feet on the floor.
+    trans: Annotated[np.ndarray, "float n 3"]
+    # "free" of collisions, "solved", "removed" (parts left out), "thinned" or "rejected"; the last
+    # that applies.
     outcome: str
-    reason: str
-    thinned: int
-    redrawn: int
-    removed_segments: np.ndarray
-    fix_frame: np.ndarray
-    fix_vertex: np.ndarray
-    fix_delta: np.ndarray
-    collided_frames: int
-    leftover_frames: int
-    deepest_m: float
-    penetration_m: float
+    reason: str  # one sentence if rejected, else empty
+    thinned: int  # how many times the body was made thinner
+    redrawn: int  # how many shapes were given up before this one
+    # Joints whose segments take no part in collisions.
+    removed_segments: Annotated[np.ndarray, f"int<{len(PARENTS)} *"]
+    fix_frame: Annotated[np.ndarray, "int<n m"]  # frames in which vertices are moved
+    fix_vertex: Annotated[np.ndarray, "int m"]  # these vertices
+    fix_delta: Annotated[np.ndarray, "float m 3"]  # float32 metres, world axes
+    collided_frames: int  # frames in which parts were pressed apart
+    leftover_frames: int  # frames in which parts still cross somewhere after that
+    deepest_m: float  # greatest distance that a vertex was moved, metres
+    penetration_m: float  # this and the next: see `animation.GroundContact`
     foot_sliding_m_s: float
     labels: ClipLabels
 
 
 def body_sequence_vertices(
-    body: BodyModel,
-    record: BodySequence,
-    *,
-    world: bool = False,
-    frames: slice = slice(None),
+    body: BodyModel, record: BodySequence, *, world: bool = False, frames: slice = slice(None)
 ) -> np.ndarray:
-    """The body's vertices, self-collision corrections included.
+    """(n, V, 3) float32 metres: the body's vertices, self-collision corrections included.
 
     Args:
         body: the model that `record` was made with.
-        record: the body in motion.
         world: whether to add `trans`; else vertices are relative to the root joint, as garments
             and caches are.
-        frames: which of the N frames.
-
-    Returns:
-        (n, V, 3) float32 metres.
     """
     chosen = np.arange(len(record.poses))[frames]
     vertices, _ = posed_vertices(body, record.shape, record.poses[frames])
@@ -128,21 +94,7 @@ def collision_faces(body: BodyModel, record: BodySequence) -> np.ndarray:
 
 def save_body_sequence(path: str | Path, record: BodySequence) -> None:
     """Write a `.npz` with one key per field, labels included."""
-    values = asdict(record)
-    labels = values.pop("labels")
-    save_npz(path, **values, **labels)
-
-
-_ARRAYS = {
-    "shape": "float 10",
-    "gender": f"int<{len(GENDERS)}",
-    "poses": "float n 72",
-    "trans": "float n 3",
-    "removed_segments": f"int<{len(PARENTS)} *",
-    "fix_frame": "int<n m",
-    "fix_vertex": "int m",
-    "fix_delta": "float m 3",
-}
+    save_record(path, record, gender=GENDERS.index(record.gender))
 
 
 def load_body_sequence(path: str | Path) -> BodySequence:
@@ -151,16 +103,5 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     Raises:
         InputError: the file is missing, unreadable or lacks a field.
     """
-    own = {field.name: field.type for field in fields(BodySequence) if field.name != "labels"}
-    labels = {field.name: field.type for field in fields(ClipLabels)}
-    kinds = {str: "str", int: "int", float: "number", bool: "bool"}
-    forms = {name: kinds[type_] for name, type_ in (own | labels).items() if type_ in kinds}
-    arrays = load_npz(path, forms | _ARRAYS)
-    values = {
-        name: type_(arrays[name]) if type_ in kinds else arrays[name]
-        for name, type_ in (own | labels).items()
-    }
-    return BodySequence(
-        **{name: values[name] for name in own},
-        labels=ClipLabels(**{name: values[name] for name in labels}),
-    )
+    record = load_record(path, BodySequence, gender=f"int<{len(GENDERS)}")
+    return replace(record, gender=GENDERS[int(record.gender)])

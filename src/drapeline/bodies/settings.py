@@ -1,10 +1,10 @@
-"""How bodies are fitted to scans."""
+"""Settings of bodies that are fitted to scans."""
 
 from drapeline.settings import Field, Settings
 
 
 class BodyFit(Settings):
-    """How a body is fitted to a scan (SMPLicit 4.2)."""
+    """Fit of a body to a scan (SMPLicit 4.2)."""
 
     joint_steps: int = Field(
         5, ge=0, le=1000, description="Steps of least squares for joints and priors alone."

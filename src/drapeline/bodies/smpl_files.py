@@ -118,7 +118,7 @@ class _Stack:
 
 
 def pickle_end(data: bytes, start: int = 0) -> int:
-    """Where the pickle that starts there ends.
+    """End of the pickle that starts there.
 
     Raises:
         ValueError: an instruction is unknown or cut off, asks for more bytes than there are, for
@@ -286,7 +286,7 @@ class _Array:
 
 
 def _reconstruct(cls: Any, *_: Any) -> _Array:
-    """What makes an empty array, whose state follows."""
+    """Make an empty array, whose state follows."""
     if cls is not _Array:
         raise pickle.UnpicklingError("an array of another class")
     return _Array()
@@ -299,14 +299,14 @@ def _scalar(dtype: Any, raw: Any) -> _Array:
 
 
 def _frombuffer(raw: Any, dtype: Any, shape: Any, order: Any) -> _Array:
-    """How protocol 5 makes arrays."""
+    """Make an array as protocol 5 does."""
     made = _Array()
     made.pieces = (shape, dtype, order == "F", raw)
     return made
 
 
 def _reconstructor(cls: Any, base: Any, state: Any) -> _Inert:
-    """What old pickles call to make an empty object; makes stand-ins only."""
+    """Make a stand-in for the empty object that old pickles ask for."""
     if not (isinstance(cls, type) and issubclass(cls, _Inert)):
         raise pickle.UnpicklingError("an object that is no array")
     return cls()

@@ -121,7 +121,7 @@ def _search(
 def nearest_points(
     points: np.ndarray, places: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The points nearest to each place, in no particular order.
+    """Squared distances (N, K) float64 and indices (N, K) int32 of the nearest, in any order.
 
     Of points that are as far, those with the lowest indices count as nearer.
 
@@ -129,9 +129,6 @@ def nearest_points(
         points: (P, 3).
         places: (N, 3).
         count: K, at most P.
-
-    Returns:
-        Squared distances (N, K) float64 and indices (N, K) int32.
     """
     points, places = points.astype(np.float64), places.astype(np.float64)
     start_warp()
@@ -219,7 +216,7 @@ def interpolated_weights(
     power: Literal[1, 2] = 1,
     coincident: Literal["vertex", "released"] = "vertex",
 ) -> np.ndarray:
-    """Equation 2 of Garment4D: W_g = W_g^K I_w, then Laplacian smoothing over the garment.
+    """Equation 2 of Garment4D: (N, 24) float32 W_g = W_g^K I_w, smoothed over the garment.
 
     Args:
         garment: (N, 3) metres, in the pose and frame of `body`.
@@ -232,9 +229,6 @@ def interpolated_weights(
         power: of the inverse distance; the released code has 2.
         coincident: what a garment vertex on a body vertex takes: "vertex", that one's weights
             alone; "released", those of all its other neighbours, as the released code does.
-
-    Returns:
-        (N, 24) float32, rows sum to 1.
     """
     count = min(neighbours, len(body))
     squared, near = nearest_points(body, garment, count)

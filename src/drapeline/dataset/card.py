@@ -11,12 +11,7 @@ from drapeline.dataset.splits import SPLITS
 def dataset_card(
     records: Sequence[SampleRecord], tables: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> str:
-    """Compose the dataset's `README.md` in Markdown.
-
-    Args:
-        records: all samples, including the rejected ones.
-        tables: the rows of each statistics file, by name.
-    """
+    """The dataset's `README.md`, of all samples and the rows of each statistics file, by name."""
     accepted = [record for record in records if record.accepted]
     parts = [
         "# Clothed humans in motion, simulated",

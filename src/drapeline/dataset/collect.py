@@ -18,7 +18,7 @@ _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of
 
 
 def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[SampleRecord]:
-    """Copy the accepted samples to `{output}/{split}/{id}` and write the tables and the card.
+    """Copy accepted samples to `{output}/{split}/{id}`, write tables and card; all records by id.
 
     They are copies, not links, so that whatever happens to the published files leaves those alone
     from which they can be made anew. `manifest.tsv` has the sums of all files, those of the samples
@@ -27,9 +27,6 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
     Args:
         folders: one per sample, as written by `write_sample`, including the rejected samples.
         output: folder of the dataset; replaced as a whole.
-
-    Returns:
-        The records of all samples, sorted by id.
 
     Raises:
         InputError: a sample's `meta.json` is unusable, a file of it has another size than when it

@@ -12,6 +12,7 @@ import numpy as np
 
 from drapeline.dataset.matlab import read_matlab
 from drapeline.errors import DamagedFile
+from drapeline.frames import GENDERS
 from drapeline.storage import atomic_file, check_name
 
 # The 116 free bytes at the start of a MATLAB v5 file. scipy writes the current time there, so that
@@ -21,46 +22,31 @@ _HEADER_TEXT = b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
 
 @dataclass(frozen=True)
 class SampleInfo:
-    """Contents of an `info.mat`.
+    """Contents of an `info.mat`."""
 
-    Attributes:
-        poses: (N, 72) float64 axis-angle in radians; the root rotation includes the turn from Y up
-            to Z up.
-        trans: (N, 3) float64 world position of the root joint in metres.
-        shape: (10,) float64 shape coefficients.
-        gender: 0 female, 1 male.
-        zrot: rotation of the whole scene about +Z in radians.
-        outfit: garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing
-            (test sets of the original), and only textures of type "color" have `data`.
-        tightness: (2,) float64, or None if the file has none.
-        camera_location: (3,) float64 in metres, or None.
-        lights: {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or
-            {"type": "sun", "data": {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
-    """
-
+    # (N, 72) float64 axis-angle in radians; the root rotation includes the turn from Y up to Z up.
     poses: np.ndarray
-    trans: np.ndarray
-    shape: np.ndarray
-    gender: int
-    zrot: float = 0.0
+    trans: np.ndarray  # (N, 3) float64 world position of the root joint in metres
+    shape: np.ndarray  # (10,) float64 shape coefficients
+    gender: str  # "female" or "male"
+    zrot: float = 0.0  # rotation of the whole scene about +Z in radians
+    # Garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing (test sets
+    # of the original), and only textures of type "color" have `data`.
     outfit: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    tightness: np.ndarray | None = None
-    camera_location: np.ndarray | None = None
+    tightness: np.ndarray | None = None  # (2,) float64, or None if the file has none
+    camera_location: np.ndarray | None = None  # (3,) float64 in metres, or None
+    # {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or {"type": "sun", "data":
+    # {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
     lights: Mapping[str, Any] | None = None
 
 
 class Placement(NamedTuple):
-    """What vertices need of an `info.mat`.
+    """The part of an `info.mat` that vertices need."""
 
-    Attributes:
-        garments: names of the outfit's garments in the stored order; () if it is not stored.
-        trans: (N, 3) float64 world position of the root joint in metres.
-        zrot: rotation of the whole scene about +Z in radians.
-    """
-
+    # Names of the outfit's garments in the stored order; () if it is not stored.
     garments: tuple[str, ...]
-    trans: np.ndarray
-    zrot: float
+    trans: np.ndarray  # (N, 3) float64 world position of the root joint in metres
+    zrot: float  # rotation of the whole scene about +Z in radians
 
 
 def sample_scene(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, Any]]:
@@ -101,7 +87,7 @@ def write_info(path: str | Path, info: SampleInfo) -> None:
     if info.tightness is not None:
         fields["tightness"] = np.asarray(info.tightness, np.float64).reshape(1, 2)
     fields["outfit"] = {name: _garment_struct(value) for name, value in info.outfit.items()}
-    fields["gender"] = int(info.gender)
+    fields["gender"] = GENDERS.index(info.gender)
     fields["trans"] = np.asarray(info.trans, np.float64).reshape(-1, 3).T
     fields["poses"] = np.asarray(info.poses, np.float64).reshape(-1, 72).T
     stream = io.BytesIO()
@@ -143,7 +129,7 @@ def read_info(path: str | Path) -> SampleInfo:
         poses=poses,
         trans=trans,
         shape=_columns(path, "shape", values["shape"], 10)[0],
-        gender=int(gender),
+        gender=GENDERS[int(gender)],
         zrot=_zrot(path, values),
         outfit=_outfit(path, values.get("outfit")),
         tightness=None if tightness is None else _columns(path, "tightness", tightness, 2)[0],

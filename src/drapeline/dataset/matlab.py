@@ -132,10 +132,7 @@ class _FileReader(_Reader):
 
 
 def _variables(
-    path: str | Path,
-    reader: _FileReader,
-    names: Collection[str] | None,
-    outlines: Collection[str],
+    path: str | Path, reader: _FileReader, names: Collection[str] | None, outlines: Collection[str]
 ) -> dict[str, Any]:
     found: dict[str, Any] = {}
     allowed = _ANY_SIZE + _MOST_PACKED * reader.end

@@ -41,12 +41,7 @@ _REBUILD = 8
 
 
 class CloudRngs(NamedTuple):
-    """Random generators of one frame.
-
-    Attributes:
-        points: draws the points and the holes.
-        noise: draws the noise of their coordinates.
-    """
+    """Random generators of a frame's points and holes, and of the noise of their coordinates."""
 
     points: np.random.Generator
     noise: np.random.Generator
@@ -70,7 +65,6 @@ class CloudSampler:
 
         Args:
             surfaces: triangles (F, 3) and label of each mesh.
-            settings: how the clouds are sampled.
             turn_rad: rotation of the cameras about the vertical axis.
 
         Raises:
@@ -95,16 +89,13 @@ class CloudSampler:
     def sample(
         self, vertices: Sequence[np.ndarray], rngs: CloudRngs
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Sample the cloud of one frame.
+        """Sample one frame's points (P, 3) float32 and labels (P,) uint8.
 
         Args:
             vertices: (V, 3) of each mesh in metres, in the order of the surfaces; V must not
                 change from frame to frame.
             rngs: generators of the points and of their noise. With the protocol "vertices", equal
                 generators choose equal vertices.
-
-        Returns:
-            Points (P, 3) float32 and labels (P,) uint8.
 
         Raises:
             InputError: the cameras see nothing.
@@ -309,7 +300,7 @@ def cut_holes(
 def corrupt_labels(
     labels: np.ndarray, accuracy: float, garment_label: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Give wrong labels to a random share of the points (Garment4D, figure 10).
+    """Labels (P,) of which a random share is wrong (Garment4D, figure 10).
 
     Args:
         labels: (P,) true labels.
@@ -317,9 +308,6 @@ def corrupt_labels(
         garment_label: label of the target garment. Its points are relabelled as body, points of
             any other label are relabelled as the garment.
         rng: draws the points to relabel.
-
-    Returns:
-        (P,) labels, as a copy.
     """
     out = labels.copy()
     wrong = rng.choice(len(labels), round((1 - accuracy) * len(labels)), replace=False)
@@ -371,7 +359,6 @@ def write_clouds(folder: str | Path, sample_folder: str | Path, settings: CloudS
     Args:
         folder: replaced as a whole; for a rejected sample it holds only `about.json`.
         sample_folder: folder of the sample, as written by `write_sample`.
-        settings: how the clouds are sampled.
 
     Returns:
         The sample's status, "accepted" or "rejected".

@@ -19,7 +19,7 @@ from drapeline.dataset.record import (
     meta_path,
 )
 from drapeline.errors import InputError
-from drapeline.frames import FPS, GENDERS
+from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
@@ -159,7 +159,7 @@ class Sample:
 
     @cached_property
     def _placement(self) -> Placement:
-        """What vertices need of `info.mat`, of which they do not read the rest."""
+        """The part of `info.mat` that vertices need; the rest is not read."""
         if "info" in vars(self):
             return Placement(tuple(self.info.outfit), self.info.trans, self.info.zrot)
         self._refuse_damage(sums=False)
@@ -194,7 +194,7 @@ class Sample:
     @property
     def gender(self) -> str:
         """`"female"` or `"male"`."""
-        return GENDERS[self.info.gender]
+        return self.info.gender
 
     @property
     def split(self) -> str:
@@ -256,7 +256,6 @@ class Sample:
 
         Args:
             garment: one of `garments`.
-            start: first frame.
             stop: frame after the last; the end of the sequence if None.
             frame: "world", or "root" for positions relative to the root joint before `zrot`.
 

@@ -39,18 +39,11 @@ SAMPLE_MANIFEST = f"{EXTRAS}/{MANIFEST}"
 
 @dataclass(frozen=True)
 class SampleRecord:
-    """A sample's folder, its `meta.json` and the size of its files.
-
-    Attributes:
-        folder: the sample's folder.
-        meta: contents of its `meta.json`.
-        cloth3d_bytes: total size of the files in CLOTH3D's layout.
-        total_bytes: total size of all files.
-    """
+    """A sample's folder, its `meta.json` and the size of its files."""
 
     folder: Path
-    meta: Mapping[str, Any]
-    cloth3d_bytes: int
+    meta: Mapping[str, Any]  # contents of its `meta.json`
+    cloth3d_bytes: int  # total size of the files in CLOTH3D's layout
     total_bytes: int
 
     @property
@@ -81,7 +74,7 @@ def read_record(folder: str | Path) -> SampleRecord:
 
 
 def meta_path(folder: str | Path) -> Path:
-    """Where the `meta.json` of the sample in `folder` is."""
+    """Path of the `meta.json` of the sample in `folder`."""
     return Path(folder) / EXTRAS / "meta.json"
 
 

@@ -15,14 +15,7 @@ from drapeline.seeding import rng_for
 
 
 def fit_scan_body(scan: SegmentedScan, model: BodyModel, settings: BodyFit, seed: int) -> BodyState:
-    """The body in a scan; see `drapeline.bodies.scan_fit`.
-
-    Args:
-        scan: with an estimate of the body.
-        model: of the wearer's body.
-        settings: of the fit.
-        seed: of the points that count.
-    """
+    """The body in a scan that has an estimate of it; see `drapeline.bodies.scan_fit`."""
     rng = rng_for(seed, "scan body", scan.name)
     return fit_body(model, scan.points, scan.skin, scan.estimate, scan.joints, settings, rng)
 
@@ -42,9 +35,6 @@ def scan_samples(
         path: the `.npz`.
         samples: their folders.
         models: of bodies, by gender.
-        settings: of the scans.
-        fit: of the bodies.
-        seed: of noise, points and estimates.
     """
     scans, bodies = [], []
     for folder in filter(lambda folder: read_record(folder).accepted, samples):

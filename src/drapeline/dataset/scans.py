@@ -32,49 +32,30 @@ _POINT_KEYS = ("points", "v_posed", "vertices")
 
 
 class Scan(NamedTuple):
-    """The scan of one frame.
+    """The scan of one frame."""
 
-    Attributes:
-        points: (n, 3) float32 metres.
-        triangles: (F, 3) int32 if the scan is a mesh, else None.
-        labels: (n,) integers of a segmented scan, else None.
-    """
-
-    points: np.ndarray
-    triangles: np.ndarray | None
-    labels: np.ndarray | None = None
+    points: np.ndarray  # (n, 3) float32 metres
+    triangles: np.ndarray | None  # (F, 3) int32 if the scan is a mesh, else None
+    labels: np.ndarray | None = None  # (n,) integers of a segmented scan, else None
 
 
 @dataclass(frozen=True)
 class BodyParameters:
-    """A known body in motion, in metres, Z up.
+    """A known body in motion, in metres, Z up."""
 
-    Attributes:
-        poses: (F, 72) axis-angle in radians.
-        trans: (F, 3) positions of the root joint.
-        shape: (10,) shape coefficients.
-        gender: "female" or "male".
-        joints: (F, 24, 3) predicted positions of the joints, or None.
-    """
-
-    poses: np.ndarray
-    trans: np.ndarray
-    shape: np.ndarray
-    gender: str
-    joints: np.ndarray | None = None
+    poses: np.ndarray  # (F, 72) axis-angle in radians
+    trans: np.ndarray  # (F, 3) positions of the root joint
+    shape: np.ndarray  # (10,) shape coefficients
+    gender: str  # "female" or "male"
+    joints: np.ndarray | None = None  # (F, 24, 3) predicted positions of the joints, or None
 
 
 @dataclass(frozen=True)
 class ScanSequence:
-    """Scans of a person, with the person's body.
+    """Scans of a person, with the person's body."""
 
-    Attributes:
-        scans: F frames in metres, relative to the root joint, Z up.
-        body: parameters of the body in the same frames.
-    """
-
-    scans: tuple[Scan, ...]
-    body: BodyParameters
+    scans: tuple[Scan, ...]  # F frames in metres, relative to the root joint, Z up
+    body: BodyParameters  # parameters of the body in the same frames
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -233,7 +214,7 @@ def _check_distance(
 
 # What is wrong with these is told in more words below.
 _PARAMETERS = {
-    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?", "joints?"), "any|nan ..."),
+    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?", "joints?"), "any|nan ...")
 }
 
 

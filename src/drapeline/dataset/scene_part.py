@@ -16,19 +16,12 @@ _CHUNK = 32  # frames held in memory at once
 
 @dataclass(frozen=True)
 class ScenePart:
-    """A moving mesh of a scene: the body or a garment.
+    """A moving mesh of a scene: the body or a garment."""
 
-    Attributes:
-        name: "Body" or the garment's name.
-        mesh: rest pose, root-relative metres.
-        colour: sRGB in 0-1, as on a screen.
-        read: (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
-        frame_count: number of frames.
-    """
-
-    name: str
-    mesh: Mesh
-    colour: tuple[float, float, float]
+    name: str  # "Body" or the garment's name
+    mesh: Mesh  # rest pose, root-relative metres
+    colour: tuple[float, float, float]  # sRGB in 0-1, as on a screen
+    # (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
     read: Callable[[int, int], np.ndarray]
     frame_count: int
 

@@ -27,27 +27,17 @@ OTHER = 255  # label of cloth of garments that are not looked for
 
 @dataclass(frozen=True)
 class SegmentedScan:
-    """One frame of a dressed person.
+    """One frame of a dressed person."""
 
-    Attributes:
-        name: unique among scans.
-        frame: its number in the sample or in the user's scans.
-        points: (P, 3) float32 metres, in a world whose Z is up.
-        labels: (P,) uint8, indices into `LABELS`, or `OTHER`.
-        garments: the types that the person wears, from the innermost to the outermost.
-        gender: "female" or "male".
-        estimate: the body as estimated, in the same world.
-        joints: (24, 3) predicted there, or None.
-    """
-
-    name: str
-    frame: int
-    points: np.ndarray
-    labels: np.ndarray
+    name: str  # unique among scans
+    frame: int  # its number in the sample or in the user's scans
+    points: np.ndarray  # (P, 3) float32 metres, in a world whose Z is up
+    labels: np.ndarray  # (P,) uint8, indices into `LABELS`, or `OTHER`
+    # The types that the person wears, from the innermost to the outermost.
     garments: tuple[str, ...]
-    gender: str
-    estimate: BodyState
-    joints: np.ndarray | None
+    gender: str  # "female" or "male"
+    estimate: BodyState  # the body as estimated, in the same world
+    joints: np.ndarray | None  # (24, 3) predicted there, or None
 
     @property
     def skin(self) -> np.ndarray:
@@ -76,9 +66,7 @@ def scan_sample(
 
     Args:
         sample: accepted.
-        body: of the wearer.
         settings: how many, and how far estimates are off.
-        seed: of noise, points and estimates.
     """
     clouds = CloudSettings(points=settings.points, noise_m=settings.noise_m, seed=seed)
     garments = layered(sample.garments)

@@ -9,7 +9,7 @@ Protocol = Literal["surface", "vertices"]
 
 
 class CloudSettings(Settings):
-    """How point clouds are sampled.
+    """Sampling of point clouds.
 
     With the protocol "vertices", as in Garment4D's released code, half of the points are garment
     vertices and half are body vertices, the same ones in every frame, covered or not; `visibility`
@@ -34,7 +34,7 @@ class CloudSettings(Settings):
 
 
 class ScanSettings(Settings):
-    """How a sample is scanned, and how far estimates of the body are off."""
+    """Scans of samples, and errors of the estimates of their bodies."""
 
     frames: int = Field(
         1, ge=1, le=300, description="Scans of each sample, evenly spread over its frames."

@@ -28,7 +28,6 @@ def samples_named(shards: Iterable[str | Path], names: Sequence[str]) -> list[Pa
 
     Args:
         shards: folders that hold nothing but a folder for each sample, named by its id.
-        names: ids.
 
     Raises:
         InputError: a shard or a sample is missing.

@@ -63,13 +63,7 @@ ACTIONS = Schema(
 # Counts by fabric stand beside these.
 GARMENTS_WORN = Schema(
     "a table of garments",
-    {
-        "garment": Column(),
-        "count": _COUNT,
-        "female": _COUNT,
-        "male": _COUNT,
-        "vertices": Column(),
-    },
+    {"garment": Column(), "count": _COUNT, "female": _COUNT, "male": _COUNT, "vertices": Column()},
     key=("garment",),
     more=True,
 )

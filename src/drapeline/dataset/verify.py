@@ -28,7 +28,7 @@ def verify_results(root: str | Path) -> int:
     if not manifests:
         raise InputError(f"{root}: no {MANIFEST} below it, expected a dataset or a trained model")
     count, found = 0, []
-    for folder, name in progress(manifests.items(), total=len(manifests), label="folders"):
+    for folder, name in progress(manifests.items(), label="folders"):
         try:
             count += len(read_manifest(folder / name))
             found += damages(folder, name, sums=True)

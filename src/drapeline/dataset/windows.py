@@ -10,7 +10,6 @@ def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
         count: frames of the sequence.
         frames: T.
         stride: from one window to the next, at most T.
-        name: of the sequence, for the error.
 
     Raises:
         InputError: the sequence is shorter than a window, or windows would leave out frames.

@@ -15,20 +15,13 @@ from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
 from drapeline.errors import InputError
-from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
+from drapeline.frames import FPS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.manifest import write_manifest
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
-from drapeline.storage import (
-    atomic_folder,
-    link_or_copy,
-    load_npz,
-    read_json,
-    save_npz,
-    write_json,
-)
+from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
 
 META_VERSION = 1
 CONVENTIONS = {
@@ -70,7 +63,6 @@ def write_sample(
     Args:
         rng: draws the camera and the lights.
         folder: replaced as a whole; its name is the sample's id.
-        body: the body model of the sample's gender.
         body_record: `.npz` with shape, gender, poses, trans and the labels of the motion.
         outfit: `.npz` with the rest meshes, next to a `.json` of the same stem.
         simulation: folder with `{Garment}.f32` and `health.npz`; of no use where not accepted.
@@ -99,7 +91,7 @@ def write_sample(
         "body": {
             "model": body.name,
             "fingerprint": body_fingerprint(body),
-            "gender": GENDERS[record.gender],
+            "gender": record.gender,
             "vertices": len(body.v_template),
         },
         "motion": _motion(record),
@@ -127,11 +119,7 @@ def write_sample(
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
-    """Mean, minimum and maximum of each measure over all frames and garments.
-
-    Args:
-        health: measure -> (N,) or (N, garments); values that are not finite are ignored.
-    """
+    """Mean, minimum and maximum of the finite values of each measure, (N,) or (N, garments)."""
     summary = {}
     for name, values in health.items():
         if values.ndim in (1, 2) and values.dtype.kind in "biuf":
@@ -243,17 +231,11 @@ def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndar
 
 
 class GarmentAnimation(NamedTuple):
-    """A garment in motion that was not simulated, such as a reconstruction.
+    """A garment in motion that was not simulated, such as a reconstruction."""
 
-    Attributes:
-        name: one of CLOTH3D's garment types.
-        rest: mesh in the rest pose, root-relative metres.
-        frames: (F, V, 3) root-relative metres.
-    """
-
-    name: str
-    rest: Mesh
-    frames: np.ndarray
+    name: str  # one of CLOTH3D's garment types
+    rest: Mesh  # mesh in the rest pose, root-relative metres
+    frames: np.ndarray  # (F, V, 3) root-relative metres
 
 
 def write_reconstruction(
@@ -263,7 +245,6 @@ def write_reconstruction(
 
     Args:
         folder: replaced as a whole; its name is the sample's id.
-        body: the body model of the right gender.
         info: F frames, with an outfit entry for each garment.
         garments: F frames each.
     """

@@ -27,9 +27,6 @@ _LENGTHS = {
 def refuse_contradictions(settings: Mapping[str, Any]) -> None:
     """Check settings that are each in range but contradict one another.
 
-    Args:
-        settings: the whole experiment, defaults filled in.
-
     Raises:
         InputError: names the keys, their values and what is expected.
     """
@@ -142,7 +139,6 @@ def require_simulated(garment: str, wearers: Iterable[SamplePlan], splits: Seque
     """Check that a garment type is simulated in every split that is measured.
 
     Args:
-        garment: type.
         wearers: samples that wear it.
         splits: that are measured.
 
@@ -159,17 +155,11 @@ def require_simulated(garment: str, wearers: Iterable[SamplePlan], splits: Seque
 
 
 class PlannedSequence(NamedTuple):
-    """A garment in motion that Garment4D is going to learn from or be tested on.
+    """A garment in motion that Garment4D is going to learn from or be tested on."""
 
-    Attributes:
-        source: "simulated" or "skinned".
-        split: "train", "val" or "test".
-        frames: its length.
-    """
-
-    source: str
-    split: str
-    frames: int
+    source: str  # "simulated" or "skinned"
+    split: str  # "train", "val" or "test"
+    frames: int  # its length
 
 
 def planned_sequences(
@@ -183,7 +173,6 @@ def planned_sequences(
     """Every sequence of a garment type, provided that no sample is rejected.
 
     Args:
-        garment: type.
         samples: simulated; static outfits move as those of their split do.
         outfits: static, put into motion.
         frames: number of frames of a static outfit in motion.
@@ -226,8 +215,6 @@ def require_sequences(
     """Check that a stage of Garment4D has the sequences that it is trained and selected on.
 
     Args:
-        garment: type.
-        planned: its sequences.
         stage: of the settings, for the message.
         sources: of the training sequences; validation takes any if these provide none.
         window: frames T.

@@ -21,26 +21,17 @@ AT_REST = "none"
 
 
 @dataclass(frozen=True)
-class Group:
-    """Samples of one kind.
+class PlannedGroup:
+    """Samples of one kind."""
 
-    Attributes:
-        name: key of `groups` in the settings.
-        solver: cloth solver that moves the garments; `AT_REST` for garments that do not move.
-        published: whether its samples are part of the dataset.
-        outfits: the settings `outfits` as they hold here.
-        simulation: the settings `simulation.settings` as they hold here.
-        clips: clip -> what its pieces are cut from; empty at rest.
-        shards: shard -> plans of the samples that one job makes. A shard is called like its first
-            sample, so that its name does not depend on how many there are.
-    """
-
-    name: str
-    solver: str
-    published: bool
-    outfits: Mapping[str, Any]
-    simulation: Mapping[str, Any]
-    clips: Mapping[str, MotionEntry]
+    name: str  # key of `groups` in the settings
+    solver: str  # cloth solver that moves the garments; `AT_REST` for garments that do not move
+    published: bool  # whether its samples are part of the dataset
+    outfits: Mapping[str, Any]  # the settings `outfits` as they hold here
+    simulation: Mapping[str, Any]  # the settings `simulation.settings` as they hold here
+    clips: Mapping[str, MotionEntry]  # clip -> what its pieces are cut from; empty at rest
+    # Shard -> plans of the samples that one job makes. A shard is called like its first sample, so
+    # that its name does not depend on how many there are.
     shards: Mapping[str, Sequence[SamplePlan]]
 
     @property
@@ -68,20 +59,18 @@ def make_shards(plans: Sequence[SamplePlan], size: int) -> dict[str, list[Sample
 
 def plan_groups(
     settings: Mapping[str, Any], table: str, counts: FrameCounts | None = None
-) -> dict[str, Group]:
+) -> dict[str, PlannedGroup]:
     """Plan every group of an experiment that has samples.
 
     A clip has one split in all groups: what a group decides holds for those after it.
 
     Args:
         settings: the whole experiment, defaults filled in.
-        table: of the motions that clips are named in.
-        counts: frame counts that are known already.
 
     Raises:
         InputError: a setting of a group contradicts another one, or its clips.
     """
-    groups: dict[str, Group] = {}
+    groups: dict[str, PlannedGroup] = {}
     splits: dict[str, str] = {}
     for name, own in settings["groups"].items():
         if own["count"] != 0:
@@ -97,7 +86,7 @@ def _plan(
     known: Mapping[str, str],
     table: str,
     counts: FrameCounts | None,
-) -> tuple[Group, dict[str, str]]:
+) -> tuple[PlannedGroup, dict[str, str]]:
     """A group, and the splits of its clips."""
     own = settings["groups"][name]
     solver = own["solver"] or settings["simulation"]["solver"]
@@ -125,7 +114,7 @@ def _plan(
         count = pieces.count if own["count"] is None else own["count"]
         plans = plan_moving(count, prefix, pieces.of_sample, splits, wardrobe)
     shards = make_shards(plans, own["shard_size"])
-    return Group(name, solver, own["published"], outfits, simulation, clips, shards), splits
+    return PlannedGroup(name, solver, own["published"], outfits, simulation, clips, shards), splits
 
 
 def own_settings(common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,11 +123,11 @@ def own_settings(common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str,
 
 
 def default_prefix(name: str) -> str:
-    """What ids of a group's samples begin with, before their number."""
+    """Beginning of the ids of a group's samples, before their number."""
     return f"{name}_" if name[-1].isdigit() else name
 
 
-def _refuse_shared_ids(groups: Mapping[str, Group]) -> None:
+def _refuse_shared_ids(groups: Mapping[str, PlannedGroup]) -> None:
     owner: dict[str, str] = {}
     for group in groups.values():
         for plan in group.plans:

@@ -22,8 +22,8 @@ _GOLDEN = (5**0.5 - 1) / 2
 _LISTED = 10  # clips that a message names
 
 
-class Piece(NamedTuple):
-    """What a sample's motion is cut from; fields of `SamplePlan`."""
+class ClipPiece(NamedTuple):
+    """Piece of a clip that a sample's motion is cut from; fields of `SamplePlan`."""
 
     sequence: str
     part: int
@@ -34,34 +34,27 @@ class Piece(NamedTuple):
 
 
 class Wardrobe(NamedTuple):
-    """Who wears what in a group.
+    """Who wears what in a group."""
 
-    Attributes:
-        female_share: share of female bodies.
-        outfit_types: to take turns over in each split; a type named twice is worn twice as often.
-        male_skirts: whether male bodies wear skirts and dresses.
-    """
-
-    female_share: float
+    female_share: float  # share of female bodies
+    # To take turns over in each split; a type named twice is worn twice as often.
     outfit_types: Sequence[str]
-    male_skirts: bool
+    male_skirts: bool  # whether male bodies wear skirts and dresses
 
 
 def plan_moving(
     count: int,
     prefix: str,
-    pieces: Callable[[int, str], Piece],
+    pieces: Callable[[int, str], ClipPiece],
     splits: Mapping[str, str],
     wardrobe: Wardrobe,
 ) -> list[SamplePlan]:
     """Plan samples in motion.
 
     Args:
-        count: of samples.
         prefix: of their ids, before five digits.
         pieces: number and id of a sample -> what its motion is cut from.
         splits: clip -> split, see `split_clips`.
-        wardrobe: see there.
 
     Raises:
         InputError: male bodies are left with nothing to wear.
@@ -83,10 +76,8 @@ def plan_at_rest(
     """Plan samples at rest, whose bodies and outfits have nothing in common.
 
     Args:
-        count: of samples.
         prefix: of their ids, before five digits.
         shares: "val" and "test", shares of the samples; the rest is for training.
-        wardrobe: see there.
 
     Raises:
         InputError: male bodies are left with nothing to wear.
@@ -128,7 +119,6 @@ def split_clips(
 
     Args:
         seed: draws the splits.
-        group: its name.
         sizes: clip -> its share of the samples, in any unit; in the order in which samples take
             turns over them.
         shares: "val" and "test", shares of the samples; the rest is for training.
@@ -201,17 +191,11 @@ def is_female(number: int, share: float) -> bool:
 
 
 class Pieces(NamedTuple):
-    """Pieces of clips for a group's samples.
+    """Pieces of clips for a group's samples."""
 
-    Attributes:
-        of_sample: number and id of a sample -> its piece.
-        sizes: clip -> how often samples come back to it, in any unit.
-        count: how many there are before one comes again; for pieces that begin anywhere, one of
-            each clip.
-    """
-
-    of_sample: Callable[[int, str], Piece]
-    sizes: Mapping[str, float]
+    of_sample: Callable[[int, str], ClipPiece]  # number and id of a sample -> its piece
+    sizes: Mapping[str, float]  # clip -> how often samples come back to it, in any unit
+    # How many there are before one comes again; for pieces that begin anywhere, one of each clip.
     count: int
 
 
@@ -219,7 +203,6 @@ def cut_pieces(seed: int, frames_of: Mapping[str, int], motions: Mapping[str, An
     """Pieces of clips, as the settings `motions` ask for them.
 
     Args:
-        seed: the experiment's.
         frames_of: clip -> frames at 30 fps.
         motions: `frames`, `frames_min`, `anywhere`, `speeds` and `mirror`, as in the config. A
             `frames_min` of None means a second, or `frames` where that is less.
@@ -255,13 +238,13 @@ def pieces_in_turn(frames_of: Mapping[str, int], frames: int, frames_min: int) -
         for clip, available in frames_of.items()
     }
     pieces = [
-        Piece(clip, part, own[part], min(own[part] + frames, frames_of[clip]))
+        ClipPiece(clip, part, own[part], min(own[part] + frames, frames_of[clip]))
         for part in range(max(map(len, starts.values())))
         for clip, own in starts.items()
         if part < len(own)
     ]
 
-    def piece(number: int, sample: str) -> Piece:
+    def piece(number: int, sample: str) -> ClipPiece:
         return pieces[number % len(pieces)]
 
     return Pieces(piece, {clip: len(own) for clip, own in starts.items()}, len(pieces))
@@ -294,7 +277,6 @@ def pieces_anywhere(
     short clip is slowed down as far as it must be to last `frames_min`, and gives a shorter piece.
 
     Args:
-        seed: the experiment's.
         frames_of: clip -> frames at 30 fps.
         frames, frames_min: of a sample, as asked and at least.
         speeds: lower and upper end, seconds of the clip per second of a sample.
@@ -312,7 +294,7 @@ def pieces_anywhere(
                 f" {available}; expected fewer, or motions.sequences without it"
             )
 
-    def piece(number: int, sample: str) -> Piece:
+    def piece(number: int, sample: str) -> ClipPiece:
         part, place = divmod(number, len(clips))
         available = frames_of[clips[place]]
         rng = rng_for(seed, "piece", sample)
@@ -321,6 +303,6 @@ def pieces_anywhere(
             speed = min(speed, (available - 1) / (frames_min - 1))
         span = min(piece_span(frames, speed), available)
         start = int(rng.integers(available - span + 1))
-        return Piece(clips[place], part, start, start + span, speed, mirror and part % 2 == 1)
+        return ClipPiece(clips[place], part, start, start + span, speed, mirror and part % 2 == 1)
 
     return Pieces(piece, dict.fromkeys(clips, 1), len(clips))

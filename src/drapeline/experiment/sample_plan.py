@@ -1,4 +1,4 @@
-"""What a sample is going to be."""
+"""Plan of a sample."""
 
 from dataclasses import dataclass
 
@@ -8,30 +8,19 @@ from drapeline.outfits.garment_types import GARMENT_TYPES
 
 @dataclass(frozen=True)
 class SamplePlan:
-    """Plan of a sample.
+    """Plan of a sample."""
 
-    Attributes:
-        sample: its id: the prefix of its group, and five digits.
-        gender: "female" or "male".
-        outfit_type: garments from inner to outer, joined by "+".
-        split: "train", "val" or "test"; empty where it does not matter.
-        sequence: motion clip it is cut from; empty at rest.
-        part: number k of the sub-sequence ``{sequence}_s{k}``.
-        start, stop: its frames in the clip at 30 fps.
-        speed: seconds of the clip per second of the sample.
-        mirrored: whether left and right are exchanged.
-    """
-
-    sample: str
-    gender: str
-    outfit_type: str
-    split: str = ""
-    sequence: str = ""
-    part: int = 0
+    sample: str  # its id: the prefix of its group, and five digits
+    gender: str  # "female" or "male"
+    outfit_type: str  # garments from inner to outer, joined by "+"
+    split: str = ""  # "train", "val" or "test"; empty where it does not matter
+    sequence: str = ""  # motion clip it is cut from; empty at rest
+    part: int = 0  # number k of the sub-sequence ``{sequence}_s{k}``
+    # start, stop: its frames in the clip at 30 fps.
     start: int = 0
     stop: int = 0
-    speed: float = 1.0
-    mirrored: bool = False
+    speed: float = 1.0  # seconds of the clip per second of the sample
+    mirrored: bool = False  # whether left and right are exchanged
 
     @property
     def frames(self) -> int:

@@ -243,29 +243,18 @@ class Sources:
 
 
 class _Node(NamedTuple):
-    """A definition of a module, or a method of a class.
+    """A definition of a module, or a method of a class."""
 
-    Attributes:
-        path: of the module.
-        index: of its definition.
-        method: name, or "".
-    """
-
-    path: Path
-    index: int
-    method: str
+    path: Path  # of the module
+    index: int  # of its definition
+    method: str  # name, or ""
 
 
 class _Target(NamedTuple):
-    """What a name means.
+    """What a name means."""
 
-    Attributes:
-        outside: where it comes from if it is of another package, else "".
-        nodes: of the package.
-    """
-
-    outside: str
-    nodes: tuple[_Node, ...]
+    outside: str  # where it comes from if it is of another package, else ""
+    nodes: tuple[_Node, ...]  # of the package
 
 
 class _Reached:
@@ -360,63 +349,37 @@ class _Reached:
 
 
 class _Piece(NamedTuple):
-    """Code that counts as a whole.
+    """Code that counts as a whole."""
 
-    Attributes:
-        code: hash of its text.
-        names: dotted names that it uses, such as "np.array".
-        attributes: names that follow a dot.
-        strings: constants that may name a file, a folder or an attribute.
-        patterns: regular expressions of attributes whose names are put together.
-        imports: of its own: the name here, the module, the name there.
-        untraceable: whether it looks names up in a way that cannot be followed.
-    """
-
-    code: str
-    names: list[str]
-    attributes: list[str]
-    strings: list[str]
-    patterns: list[str]
-    imports: list[list[str]]
-    untraceable: bool
+    code: str  # hash of its text
+    names: list[str]  # dotted names that it uses, such as "np.array"
+    attributes: list[str]  # names that follow a dot
+    strings: list[str]  # constants that may name a file, a folder or an attribute
+    patterns: list[str]  # regular expressions of attributes whose names are put together
+    imports: list[list[str]]  # of its own: the name here, the module, the name there
+    untraceable: bool  # whether it looks names up in a way that cannot be followed
 
 
 class _Definition(NamedTuple):
-    """A statement of a module.
+    """A statement of a module."""
 
-    Attributes:
-        binds: names that it gives a meaning.
-        piece: its code, without methods.
-        methods: of a class.
-        called: names of methods that may be called without being named.
-        bases: of a class, dotted names; "" for what is none.
-        acts: whether it does more than giving names a meaning.
-    """
-
-    binds: list[str]
-    piece: _Piece
-    methods: dict[str, _Piece]
-    called: list[str]
-    bases: list[str]
-    acts: bool
+    binds: list[str]  # names that it gives a meaning
+    piece: _Piece  # its code, without methods
+    methods: dict[str, _Piece]  # of a class
+    called: list[str]  # names of methods that may be called without being named
+    bases: list[str]  # of a class, dotted names; "" for what is none
+    acts: bool  # whether it does more than giving names a meaning
 
 
 class _Module(NamedTuple):
-    """What counts of a Python file.
+    """What counts of a Python file."""
 
-    Attributes:
-        bound: name -> module and name that it is imported from; the latter is "" for modules.
-        stars: modules of which all names are imported.
-        loads: the imports of the package, as module and name.
-        definitions: all other statements.
-        names: name -> indices of its definitions.
-    """
-
+    # Name -> module and name that it is imported from; the latter is "" for modules.
     bound: dict[str, list[str]]
-    stars: list[str]
-    loads: list[list[str]]
-    definitions: list[_Definition]
-    names: dict[str, list[int]]
+    stars: list[str]  # modules of which all names are imported
+    loads: list[list[str]]  # the imports of the package, as module and name
+    definitions: list[_Definition]  # all other statements
+    names: dict[str, list[int]]  # name -> indices of its definitions
 
     def places(self, name: str) -> list[int]:
         """Indices of the definitions of a name."""

@@ -5,7 +5,6 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import sample_shape
 from drapeline.bodies.sequence import BodySequence, ClipLabels
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.frames import GENDERS
 from drapeline.generation.settings import BodySettings
 from drapeline.motions.motion import Motion
 from drapeline.motions.variation import cut_piece
@@ -15,15 +14,7 @@ from drapeline.seeding import rng_for
 def animate(
     plan: SamplePlan, motion: Motion, body: BodyModel, settings: BodySettings, seed: int
 ) -> BodySequence:
-    """A random body of the planned gender in the planned piece of a clip, free of self-collisions.
-
-    Args:
-        plan: of the sample.
-        motion: the clip, at 30 fps.
-        body: of the plan's gender.
-        settings: see there.
-        seed: the experiment's.
-    """
+    """A random body of the planned gender in a piece of a clip at 30 fps, without collisions."""
     piece = cut_piece(motion, plan.start, plan.stop, speed=plan.speed, mirrored=plan.mirrored)
     shapes = rng_for(seed, "shape", plan.sample)
     return first_free_sequence(
@@ -31,7 +22,7 @@ def animate(
         (sample_shape(shapes, settings.shape_range) for _ in range(settings.shape_draws)),
         piece.poses,
         piece.trans,
-        gender=GENDERS.index(plan.gender),
+        gender=plan.gender,
         reference_leg_length_m=motion.reference_leg_length_m,
         removable=plan.removable,
         shape_range=settings.shape_range,

@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
@@ -24,9 +24,7 @@ class Hanger:
     Garments are made on a form, and real ones sag: sleeves hang down, skirts fall into folds.
 
     Args:
-        solver: moves the cloth.
         frames: for which outfits hang, after the wearer has taken its own shape.
-        settings, bounds: of simulations, as in the config.
     """
 
     def __init__(
@@ -47,7 +45,6 @@ class Hanger:
 
         Args:
             outfit: with its pins.
-            body: of the wearer's gender.
 
         Returns:
             The outfit, and no reason; or the outfit as it was, and why.
@@ -57,7 +54,7 @@ class Hanger:
             outfit.shape,
             np.tile(REST_POSE, (self._frames, 1)),
             np.zeros((self._frames, 3)),
-            gender=GENDERS.index(outfit.gender),
+            gender=outfit.gender,
         )
         if not np.array_equal(motion.shape, outfit.shape):
             return outfit, "the body overlaps itself in the rest pose"

@@ -21,7 +21,7 @@ from drapeline.bodies.follow import pose_body
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh, boundary_edges, mean_edge_length
 from drapeline.geometry.point_cache import PointCache
 from drapeline.job import Job
@@ -51,16 +51,11 @@ _WORN = HealthBounds(
 )
 
 
-class MovingSheet(NamedTuple):
-    """A sheet in motion.
+class SimulatedSheet(NamedTuple):
+    """A sheet in motion."""
 
-    Attributes:
-        rest: as the simulation began with it, at rest.
-        frames: the same cloth in each frame of the motion.
-    """
-
-    rest: Mesh
-    frames: list[Mesh]
+    rest: Mesh  # as the simulation began with it, at rest
+    frames: list[Mesh]  # the same cloth in each frame of the motion
 
 
 def simulate_sheets(
@@ -72,7 +67,7 @@ def simulate_sheets(
     edge_length_m: float,
     simulation: SimulationSettings,
     bounds: HealthBounds,
-) -> dict[str, MovingSheet]:
+) -> dict[str, SimulatedSheet]:
     """Sheets in every frame of a motion.
 
     Trousers and skirts are held at their waist, and nothing else is; all cloth is cotton.
@@ -80,11 +75,7 @@ def simulate_sheets(
     Args:
         sheets: garment type -> triangles at rest on the wearer, root-relative metres, Z up, from
             the innermost to the outermost.
-        body: of the wearer.
-        record: the wearer in motion.
-        solver: moves the cloth.
         edge_length_m: sheets with shorter edges are made coarser first.
-        simulation, bounds: as of samples.
 
     Returns:
         Garment type -> sheet in N frames, root-relative metres, perhaps with fewer vertices than
@@ -103,7 +94,7 @@ def simulate_sheets(
         for name, sheet in zip(sheets, layers, strict=True)
     )
     even = np.zeros(2)  # the sheets are made for the wearer, not for a tighter or wider body
-    outfit = Outfit(garments, record.shape, even, even, GENDERS[record.gender])
+    outfit = Outfit(garments, record.shape, even, even, record.gender)
     with TemporaryDirectory() as name:
         folder = Path(name) / "simulated"
         dressed = DressedBody(body, record, outfit)
@@ -112,7 +103,7 @@ def simulate_sheets(
         if status["status"] != "accepted":
             raise InputError(f"{' and '.join(sheets)}: {status['reason']}")
         return {
-            one.name: MovingSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
+            one.name: SimulatedSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
             for one in garments
         }
 
@@ -122,8 +113,7 @@ def simulate_sheet(
 ) -> list[Mesh]:
     """A sheet of the garment type `name` in every frame of a motion, see `simulate_sheets`.
 
-    Returns:
-        Nothing if the simulation is out of bounds, of which a warning is logged.
+    None, and a warning in the log, if the simulation is out of bounds.
     """
     try:
         return simulate_sheets({name: sheet}, body, record, solver, **how)[name].frames
@@ -135,12 +125,7 @@ def simulate_sheet(
 def make_draper(
     solver: ClothSolver, frames: int, *, edge_length_m: float, simulation: Mapping[str, Any]
 ) -> "SolverDraper | None":
-    """See `SolverDraper`; nothing for no frames.
-
-    Args:
-        solver, frames, edge_length_m: see there.
-        simulation: settings of simulations, as in the config.
-    """
+    """A `SolverDraper` with settings of simulations as in the config; None for no frames."""
     if not frames:
         return None
     return SolverDraper(solver, frames, edge_length_m, SimulationSettings(**simulation))
@@ -148,19 +133,12 @@ def make_draper(
 
 @dataclass(frozen=True)
 class SolverDraper:
-    """Drapes sheets on people in one pose: from rest they go along into it, and wait there.
-
-    Attributes:
-        solver: moves the cloth.
-        frames: for which it hangs in the pose.
-        edge_length_m: sheets with shorter edges are made coarser first.
-        simulation: as of samples; there is a single attempt, and no floor, since the person may be
-            in the air.
-    """
+    """Drapes sheets on people in one pose: from rest they go along into it, and wait there."""
 
     solver: ClothSolver
-    frames: int
-    edge_length_m: float
+    frames: int  # for which it hangs in the pose
+    edge_length_m: float  # sheets with shorter edges are made coarser first
+    # As of samples; there is a single attempt, and no floor, since the person may be in the air.
     simulation: SimulationSettings
 
     def __call__(
@@ -177,7 +155,6 @@ class SolverDraper:
 
         Args:
             sheets: see `simulate_sheets`; those without faces are left out.
-            body: of the wearer's gender.
             gender: "female" or "male".
             shape: (10,) of the wearer.
             pose: (72,) axis-angle, rad; its root rotation leads to the world.
@@ -191,7 +168,7 @@ class SolverDraper:
         turned = np.array(pose, dtype=np.float64)
         turned[:3] = (upright * Rotation.from_rotvec(turned[:3])).as_rotvec()
         still = np.tile(turned, (self.frames, 1)), np.zeros((self.frames, 3))
-        record = make_body_sequence(body, shape, *still, gender=GENDERS.index(gender))
+        record = make_body_sequence(body, shape, *still, gender=gender)
         try:
             if not np.array_equal(record.shape, shape):
                 raise InputError("the body overlaps itself")

@@ -20,17 +20,11 @@ from drapeline.seeding import rng_for
 
 @dataclass(frozen=True)
 class Wearer:
-    """What samples of one gender are made from.
-
-    Attributes:
-        body: the body model.
-        templates: panels that garments are cut from.
-        own: garment type -> the user's garment in its place.
-    """
+    """Body, templates and own garments that samples of one gender are made from."""
 
     body: BodyModel
-    templates: Templates
-    own: Mapping[str, OwnGarment]
+    templates: Templates  # panels that garments are cut from
+    own: Mapping[str, OwnGarment]  # garment type -> the user's garment in its place
 
 
 def dress(
@@ -39,11 +33,7 @@ def dress(
     """A unique outfit of the planned type, for the body that moves.
 
     Args:
-        plan: of the sample.
         motion: the wearer's shape is taken.
-        wearer: of the plan's gender.
-        settings: see there.
-        seed: the experiment's.
     """
     return _sample(rng_for(seed, "outfit", plan.sample), plan, motion.shape, wearer, settings)
 
@@ -54,10 +44,7 @@ def dress_at_rest(
     """A unique outfit of the planned type, for a body of its own that does not move.
 
     Args:
-        plan: of the sample.
         shape_range: shapes are uniform in plus or minus this.
-        wearer: of the plan's gender.
-        settings: see there.
         seed: the experiment's; with the sample's id it fixes its body and its outfit.
     """
     shape = sample_shape(rng_for(seed, "static", plan.sample, "shape"), shape_range)

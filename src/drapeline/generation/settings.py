@@ -1,4 +1,4 @@
-"""How bodies and outfits are drawn."""
+"""Settings of bodies and outfits that are drawn."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ _Tightness = Annotated[float, Field(ge=-5, le=5)]
 
 
 class BodySettings(Settings):
-    """How bodies are drawn and freed of self-collisions."""
+    """Bodies, which are drawn and freed of self-collisions."""
 
     shape_range: float = Field(
         3,
@@ -34,7 +34,7 @@ class BodySettings(Settings):
 
 
 class OutfitSettings(Settings):
-    """How outfits are made; see `drapeline.outfits.generate.sample_outfit`."""
+    """Outfits, as `drapeline.outfits.generate.sample_outfit` makes them."""
 
     edge_length_m: float = Field(
         0.02, ge=0.005, le=0.06, description="Mean edge length of the garments in metres."

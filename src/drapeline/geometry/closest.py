@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, rows_of_neighbours
+from drapeline.geometry.lanes import LaneInts, rows_of_neighbours
 from drapeline.geometry.surface_lanes import find_closest_in_lanes
 from drapeline.geometry.warp_mesh import warp_mesh
 
@@ -47,7 +47,7 @@ def closest_on_mesh(points: np.ndarray, mesh: wp.Mesh) -> tuple[np.ndarray, np.n
     count = len(points)
     if not count:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
-    rows = wp.array(rows_of_neighbours(points), dtype=INDICES, device=_DEVICE)
+    rows = wp.array(rows_of_neighbours(points), dtype=LaneInts, device=_DEVICE)
     points = wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
     place, weights = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
     face = wp.zeros(count, dtype=int, device=_DEVICE)

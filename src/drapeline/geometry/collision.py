@@ -14,11 +14,7 @@ _FAIRING = 10.0  # strength, see `fairing`
 
 
 @wp.kernel
-def _push_to_gap(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    push: wp.array(dtype=wp.vec3),
-):
+def _push_to_gap(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), push: wp.array(dtype=wp.vec3)):
     index = wp.tid()
     point = points[index]
     hit = wp.mesh_query_point_no_sign(mesh, point, _DEEP_M)
@@ -32,13 +28,8 @@ def _push_to_gap(
             push[index] = (_GAP_M / distance - 1.0) * away
 
 
-class Solid:
-    """A body that cloth is pushed out of; it moves and keeps its faces.
-
-    Args:
-        vertices: (B, 3) metres.
-        faces: (F, 3), outwards.
-    """
+class PenetrationResolver:
+    """A body, (B, 3) metres and faces (F, 3) outwards, that cloth is pushed out of; it may move."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._mesh = warp_mesh(vertices, faces)
@@ -48,7 +39,7 @@ class Solid:
         move_mesh(self._mesh, vertices)
 
     def push_out(self, cloth: np.ndarray, average: sp.csr_matrix) -> np.ndarray:
-        """Cloth (V, 3) pushed out of the body by a gap of 4 mm.
+        """Cloth (V, 3) float32 pushed 4 mm out of the body; `cloth` itself if nothing moves.
 
         Pushes but the last are spread over the neighbourhood, so that the body does not emboss
         the cloth; the last one is exact.
@@ -56,9 +47,6 @@ class Solid:
         Args:
             cloth: (V, 3) metres.
             average: (V, V) of `averaging_matrix`.
-
-        Returns:
-            (V, 3) float32; `cloth` itself where nothing had to move.
         """
         moved_last = np.arange(len(cloth))
         for round_ in range(_ROUNDS):
@@ -88,7 +76,7 @@ class Solid:
 def resolve_penetration(
     cloth: np.ndarray, faces: np.ndarray, bodies: np.ndarray, body_faces: np.ndarray
 ) -> np.ndarray:
-    """Smooth decoded cloth and push it out of the posed body; our own, no part of CLOTH3D.
+    """Smooth decoded cloth and push it out of the posed body: (N, M, 3) float32; our own.
 
     Skinning moves every vertex by weights of its own, so that the errors a network leaves are
     rough; and an error of a centimetre is more than the distance of cloth from the skin.
@@ -99,9 +87,6 @@ def resolve_penetration(
         bodies: (N, B, 3) metres, its wearer in the same frames.
         body_faces: (G, 3), outwards.
 
-    Returns:
-        (N, M, 3) float32.
-
     Raises:
         ValueError: the numbers of frames of cloth and bodies differ.
     """
@@ -111,10 +96,10 @@ def resolve_penetration(
         )
     count = cloth.shape[1]
     average, remove_bumps = averaging_matrix(faces, count), fairing(faces, count, _FAIRING)
-    solid = Solid(bodies[0], body_faces)
+    resolver = PenetrationResolver(bodies[0], body_faces)
     out = np.zeros(cloth.shape, dtype=np.float32)
     for frame, (points, body) in enumerate(zip(cloth, bodies, strict=True)):
-        solid.move(body)
+        resolver.move(body)
         smooth = remove_bumps(points.astype(np.float64)).astype(np.float32)
-        out[frame] = solid.push_out(smooth, average)
+        out[frame] = resolver.push_out(smooth, average)
     return out

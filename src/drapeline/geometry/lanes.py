@@ -7,8 +7,8 @@ import numpy as np
 import warp as wp
 
 LANES = 8
-NUMBERS = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
-INDICES = wp.types.vector(LANES, wp.int32)  # and of an index
+LaneFloats = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
+LaneInts = wp.types.vector(LANES, wp.int32)  # and of an index
 
 # Cells along an axis of Morton's curve, and how the bits of their numbers are spread, two zeros
 # between each and the next.
@@ -92,11 +92,7 @@ def near_code(point: str, body: str, **numbers: float) -> str:
 
 
 def fill_lanes(colours: np.ndarray, width: int) -> np.ndarray:
-    """Rows (R, width) of constraints to be solved at once: their numbers, -1 for an empty lane.
-
-    Args:
-        colours: (C,) int, sorted; those of a row are equal.
-    """
+    """Rows (R, width) of constraints of one colour, of those (C,) sorted; -1 for an empty lane."""
     starts = np.flatnonzero(np.diff(colours, prepend=-1))
     sizes = np.diff(starts, append=len(colours))
     rows = -(-sizes // width)
@@ -113,22 +109,12 @@ def repeat_first(lanes: np.ndarray) -> np.ndarray:
 
 
 def lay_in_lanes(values: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-    """Values (C, K) by lane: (R, K, width). An empty lane repeats its row's first.
-
-    Args:
-        values: (C, K).
-        lanes: (R, width), see `fill_lanes` and `make_patches`.
-    """
+    """Values (C, K) in lanes (R, width): (R, K, width). An empty lane repeats its row's first."""
     return np.ascontiguousarray(np.swapaxes(values[repeat_first(lanes)], 1, 2))
 
 
 def make_patches(points: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Rows (R, LANES) of points that lie together: their numbers, -1 for an empty lane.
-
-    Args:
-        points: (P, 3).
-        groups: (P,) int; those of a row are equal.
-    """
+    """Rows (R, LANES) of points (P, 3) of a group (P,) that lie together; -1 for an empty lane."""
     parts = [
         part
         for group in np.unique(groups)

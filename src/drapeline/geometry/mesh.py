@@ -52,11 +52,7 @@ def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def face_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Undirected edges (E, 2) as `edges` returns them, and which of them the faces (F, C) have.
-
-    Returns:
-        The edges, and ids (F, C) of those from each corner to the next.
-    """
+    """Edges (E, 2) as `edges` returns them, and (F, C) ids of those from each corner on."""
     pairs, which, _ = _unique_edges(half_edges(faces))
     return pairs, which.reshape(faces.shape)
 
@@ -77,12 +73,7 @@ def mean_edge_length(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 
 def edge_graph(pairs: np.ndarray, count: int) -> csr_matrix:
-    """Symmetric adjacency matrix (count, count): 1 where an edge joins two vertices.
-
-    Args:
-        pairs: (E, 2) undirected edges, each once.
-        count: number of vertices.
-    """
+    """Symmetric adjacency matrix (count, count) of undirected edges (E, 2), each given once."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     return csr_matrix((np.ones(len(both)), both.T), shape=(count, count))
 

@@ -5,7 +5,7 @@ import scipy.sparse as sp
 import warp as wp
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.geometry.lanes import INDICES, LANES
+from drapeline.geometry.lanes import LANES, LaneInts
 from drapeline.geometry.mesh import edges, face_edges, half_edges
 from drapeline.geometry.surface_lanes import find_closest_in_lanes, rows_in_order, windings_in_lanes
 from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
@@ -14,11 +14,7 @@ _DEVICE = "cpu"
 
 
 @wp.kernel
-def _find_crossing(
-    mesh: wp.uint64,
-    pairs: wp.array(dtype=wp.vec2i),
-    crossing: wp.array(dtype=int),
-):
+def _find_crossing(mesh: wp.uint64, pairs: wp.array(dtype=wp.vec2i), crossing: wp.array(dtype=int)):
     edge = wp.tid()
     points = wp.mesh_get(mesh).points
     corners = wp.mesh_get(mesh).indices
@@ -52,12 +48,7 @@ def _find_crossing(
 
 
 class SelfCrossings:
-    """Counts the edges of a moving triangle mesh that pass through its own triangles.
-
-    Args:
-        vertices: (V, 3), in the first shape.
-        triangles: (F, 3).
-    """
+    """Counts edges of a moving mesh, (V, 3) and (F, 3), that pass through its own triangles."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self._mesh = warp_mesh(vertices, triangles)
@@ -116,12 +107,7 @@ def _find_beneath(
 
 
 class MovingSheet:
-    """An open surface of fixed faces that moves, indexed once.
-
-    Args:
-        vertices: (V, 3) metres, in the first frame.
-        faces: (F, 3) outward.
-    """
+    """An open surface, (V, 3) metres and faces (F, 3) outward, that moves; it is indexed once."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._mesh, self._faces = warp_mesh(vertices, faces), len(faces)
@@ -132,7 +118,7 @@ class MovingSheet:
         move_mesh(self._mesh, vertices)
 
     def beneath(self, points: np.ndarray, reach_m: float) -> np.ndarray:
-        """Which points (P, 3) are beneath it (P,), and no farther from it than `reach_m`."""
+        """Mask (P,) of the points (P, 3) beneath it, and no farther from it than `reach_m`."""
         self._normals.zero_()
         wp.launch(
             _sum_face_normals,
@@ -164,7 +150,7 @@ def _bound(
     weights: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
 ):
-    """How far each point is from the surface at most: no farther than from a place on it."""
+    """Bounds of the points' distances from the surface: no farther than from a place on it."""
     i = wp.tid()
     place = wp.mesh_eval_position(surface, faces[i], weights[i][0], weights[i][1])
     reaches[i] = 1.01 * wp.length(points[i] - place) + _PAST_M
@@ -174,7 +160,7 @@ def _bound(
 def _locate(
     surface: wp.uint64,
     closed: wp.uint64,
-    rows: wp.array(dtype=INDICES),
+    rows: wp.array(dtype=LaneInts),
     points: wp.array(dtype=wp.vec3),
     faces: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),

@@ -70,7 +70,6 @@ def point_cache_writer(
 
     Args:
         path: ends in one of `SUFFIXES`, which chooses the layout.
-        vertex_count: vertices of every frame.
         frame_count: frames that will be written. Only `.mdd` needs it, since its table of times
             stands before the frames; where given, any other number of frames is an error.
     """
@@ -119,11 +118,6 @@ class PointCache:
     """Frames of one cache file, read on demand by position (no seeking, no whole-file reads).
 
     One object may be shared by threads and by forked processes, and can be pickled.
-
-    Attributes:
-        path: the file.
-        vertex_count: vertices per frame.
-        frame_count: frames in the file.
     """
 
     def __init__(self, path: str | Path, vertex_count: int | None = None) -> None:

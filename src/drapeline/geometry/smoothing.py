@@ -48,8 +48,7 @@ def _degrees(graph: sp.csr_matrix) -> np.ndarray:
 def blur(values: np.ndarray, average: sp.csr_matrix, passes: int) -> np.ndarray:
     """Move values (V, ...) half-way to their neighbours' mean, `passes` times.
 
-    Args:
-        average: (V, V) of `averaging_matrix`.
+    `average` is of `averaging_matrix`.
     """
     for _ in range(passes):
         values = (values + average @ values) / 2
@@ -59,8 +58,7 @@ def blur(values: np.ndarray, average: sp.csr_matrix, passes: int) -> np.ndarray:
 def spread_pushes(pushes: np.ndarray, average: sp.csr_matrix, passes: int) -> np.ndarray:
     """Let pushes (V, 3) reach the neighbourhood: none gets shorter, short ones become the mean.
 
-    Args:
-        average: (V, V) of `averaging_matrix`.
+    `average` is of `averaging_matrix`.
     """
     for _ in range(passes):
         mean = average @ pushes
@@ -82,7 +80,6 @@ def smooth(
         vertices: (V, 3).
         average: (V, V) of `averaging_matrix`.
         weight: (V,) share of the way to the neighbours' mean that a pass goes; 0 holds a vertex.
-        passes: number of passes.
         keep_out: applied after each pass to the vertices that move.
     """
     moved = weight > 0
@@ -111,7 +108,6 @@ def equalise_edges(
         vertices: (V, 3).
         faces: (F, 3) or (F, 4).
         free: (V,) bool, the vertices to move.
-        passes: number of passes.
         keep_out: applied after each pass to the vertices that move.
     """
     pairs = edges(faces)

@@ -9,7 +9,7 @@ tree as Warp 1.19 lays it out: another version of Warp asks for a look at its `b
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, LANES, lane_code
+from drapeline.geometry.lanes import LANES, LaneInts, lane_code
 
 wp.set_module_options({"enable_backward": False})
 
@@ -130,7 +130,7 @@ for (int k = 0; k < 8; ++k) {
 @wp.func_native(lane_code(_CLOSEST))
 def closest_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     patch: int,
     points: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
@@ -153,7 +153,7 @@ def closest_in_lanes(
 @wp.kernel
 def find_closest_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     points: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
     faces: wp.array(dtype=int),
@@ -166,7 +166,7 @@ def find_closest_in_lanes(
 def rows_in_order(count: int) -> wp.array:
     """Patches of so many points that follow one another; the last is repeated to fill its row."""
     numbers = np.arange(-(-count // LANES) * LANES, dtype=np.int32).reshape(-1, LANES)
-    return wp.array(np.minimum(numbers, count - 1), dtype=INDICES, device="cpu")
+    return wp.array(np.minimum(numbers, count - 1), dtype=LaneInts, device="cpu")
 
 
 _RAYS = """
@@ -288,7 +288,7 @@ for (int k = 0; k < 8; ++k) {
 @wp.func_native(lane_code(_RAYS + _WIND))
 def windings_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     patch: int,
     points: wp.array(dtype=wp.vec3),
     way: wp.vec3,
@@ -309,7 +309,7 @@ def windings_in_lanes(
 @wp.func_native(lane_code(_RAYS + _HIT))
 def hits_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     patch: int,
     points: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),

@@ -1,1 +1,1 @@
-"""What networks learn from: arrays, collected once and mapped. No torch here."""
+"""Arrays that networks learn from, collected once and mapped. No torch here."""

@@ -52,13 +52,7 @@ def nearest_vertices(vertices: np.ndarray, cloud: np.ndarray) -> np.ndarray:
 
 
 def joint_transforms(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """(F, 24, 4, 4) float32 motions of the joints' body parts from the rest pose to the poses.
-
-    Args:
-        body: in SMPL's format.
-        shape: (10,).
-        poses: (F, 72) rad.
-    """
+    """(F, 24, 4, 4) float32 motions of body parts from rest to poses (F, 72) rad, of one shape."""
     motions = rest_to_pose(body, shape, poses)
     last = np.broadcast_to(np.array([0.0, 0.0, 0.0, 1.0]), (*motions.shape[:2], 1, 4))
     return np.concatenate([motions, last], axis=2).astype(np.float32)

@@ -12,7 +12,7 @@ from drapeline.bodies.rest_body import rest_body, signed_tightness
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import STATUS
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_names
 from drapeline.learning_data.static import static_cvar
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -85,7 +85,6 @@ def collect_dynamic(
         output: folder, replaced as a whole.
         samples: sample's folder -> its registration's folder.
         bodies: super-resolved, by gender.
-        version: of the offsets.
         step: of the frames taken.
 
     Returns:
@@ -119,7 +118,7 @@ def collect_dynamic(
         }
         about: list[dict[str, Any]] = []
         start = 0
-        for sample in progress(accepted, total=len(accepted), label="samples"):
+        for sample in progress(accepted, label="samples"):
             for recording in _recordings(sample, bodies, version):
                 end = start + len(sample.frames)
                 for key in _FRAME_ARRAYS:
@@ -173,7 +172,7 @@ def _recordings(
                     "split": np.array(status["split"]),
                     "garment": np.int8(GARMENTS.index(name)),
                     "shape": np.asarray(info.shape, dtype=np.float32),
-                    "gender": np.int8(info.gender),
+                    "gender": np.int8(GENDERS.index(info.gender)),
                     "tightness": signed_tightness(sample.tightness, sample.gender).astype(
                         np.float32
                     ),
@@ -198,7 +197,7 @@ class DynamicData:
         garment_index: (N,) index of the frame's garment among the G garments.
         sample, split: (G,) names, of each garment.
         garment: (G,) its type, an index into `GARMENTS`.
-        shape, gender, tightness: (G, 10), (G,), (G, 2).
+        shape, gender, tightness: (G, 10), (G,) "female" or "male", (G, 2).
         mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
     """
 
@@ -216,6 +215,7 @@ class DynamicData:
         )
         self.frame, self.garment_index = frames["frame"], frames["garment_index"]
         self.version = str(garments.pop("version"))
+        garments["gender"] = gender_names(garments["gender"])
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
         arrays = open_arrays(folder, _FRAME_ARRAYS | _GARMENT_ARRAYS, n=len(self.frame), g=count)
@@ -234,11 +234,7 @@ class DynamicData:
         return topology_codes(self.garment[self.garment_index[rows]])
 
     def rows_of(self, sample: str, garment: str) -> np.ndarray:
-        """Indices of the frames of one garment of a sample, in their order.
-
-        Args:
-            garment: its type, one of `GARMENTS`.
-        """
+        """Indices of the frames of a sample's garment, one of `GARMENTS`, in their order."""
         wanted = (self.sample == sample) & (self.garment == GARMENTS.index(garment))
         return np.flatnonzero(np.isin(self.garment_index, np.flatnonzero(wanted)))
 

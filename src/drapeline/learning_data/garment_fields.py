@@ -9,7 +9,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes, gender_names
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, boundary_edges, triangulate
 from drapeline.job import Job
@@ -59,11 +59,9 @@ def sample_field(
     skin, and a quarter where the garment would go on beyond its openings.
 
     Args:
-        rng: draws the points.
         garment: triangles, root-relative metres, rest pose.
         body: of the wearer, likewise.
         box: lowest and highest corner, metres.
-        near, space: how many points.
 
     Returns:
         `near` (near, 3) and `space` (space, 3) float32 points, and `near_distance` and
@@ -129,9 +127,7 @@ def sample_fields(
     Args:
         outfits: as `load_static` reads them.
         bodies: by gender.
-        pixels: of the bodies' texture.
         boxes: garment type -> box of the model that learns it.
-        seed: the experiment's.
         near, space: points per garment.
 
     Returns:
@@ -139,7 +135,7 @@ def sample_fields(
         `occlusion` (n, R, R) bool, and what `sample_field` gives.
     """
     rows: list[dict[str, Any]] = []
-    for name, split, outfit in progress(outfits, total=len(outfits), label="outfits"):
+    for name, split, outfit in progress(outfits, label="outfits"):
         body = bodies[outfit.gender]
         vertices = rest_body(body, outfit.shape)
         for garment in outfit.garments:
@@ -194,7 +190,6 @@ def collect_fields(
         shards: `.npz` files of `sample_fields`.
         garments: types to collect.
         bodies: by gender.
-        pixels: of the bodies' texture.
         clusters: K, see `body_clusters`.
 
     Returns:
@@ -251,12 +246,7 @@ def _copy_points(
 
 
 def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:
-    """Ids of the body's vertices that at least a tenth of some garments cover.
-
-    Args:
-        occlusion: (n, R, R) bool.
-        pixels: of these images.
-    """
+    """Ids of the body's vertices that a tenth of some garments cover, by images (n, R, R) bool."""
     rate = occlusion.mean(axis=0).ravel()
     often = (rate >= 0.1) & (pixels.weights.sum(axis=1) > 0)
     nearest = pixels.corners[np.arange(len(rate)), pixels.weights.argmax(axis=1)]
@@ -264,7 +254,7 @@ def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:
 
 
 def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarray:
-    """Vertices from which points are measured, spread evenly by farthest-point sampling.
+    """(K,) vertices from which points are measured, spread evenly by farthest-point sampling.
 
     The first is the one nearest to the mean of all allowed ones; each next one is the farthest from
     those chosen so far, the first of equals. Fewer are allowed than asked for: all of them, in the
@@ -274,9 +264,6 @@ def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarr
         body: (V, 3) the mean body at rest.
         allowed: (A,) ids to choose from.
         count: K.
-
-    Returns:
-        (K,) ids.
     """
     places = body[allowed]
     first = np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()
@@ -308,7 +295,7 @@ class FieldData:
         near_distance, space_distance: (N, P) float32 metres, memory-mapped.
         occlusion: (N, R, R) bool.
         shape: (N, 10) float32.
-        gender: (N,) int8, 0 female, 1 male.
+        gender: (N,) "female" or "male".
         garment: (N,) int8, index into `GARMENTS`.
         outfit, split: (N,) str.
         clusters: (K,) ids of the body's vertices.
@@ -322,7 +309,8 @@ class FieldData:
         """
         self.folder = Path(folder)
         rows = load_npz(self.folder / "rows.npz", _ROWS)
-        self.shape, self.gender, self.garment = rows["shape"], rows["gender"], rows["garment"]
+        self.shape, self.garment = rows["shape"], rows["garment"]
+        self.gender = gender_names(rows["gender"])
         self.outfit, self.split = rows["outfit"], rows["split"]
         self.occlusion = rows["occlusion"]
         self.clusters = load_clusters(self.folder)
@@ -346,12 +334,12 @@ class FieldData:
         return [f"{self.outfit[row]}/{GARMENTS[self.garment[row]]}" for row in rows]
 
     def batch(self, rows: np.ndarray) -> dict[str, Any]:
-        """Arrays of rows: points, distances, `occlusion`, `shape`, `gender`, `row`, `names`."""
+        """Arrays of rows: points, distances, occlusion, shape, code of the gender, row, names."""
         return {
             **{name: np.asarray(getattr(self, name)[rows]) for name in _POINTS},
             "occlusion": self.occlusion[rows],
             "shape": self.shape[rows],
-            "gender": self.gender[rows],
+            "gender": gender_codes(self.gender[rows]),
             "row": rows,
             "names": self.names(rows),
         }

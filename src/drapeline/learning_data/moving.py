@@ -11,38 +11,25 @@ from drapeline.dataset.record import STATUS, read_meta, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.registration.to_body.dynamic_offsets import (
-    SampleGarment,
-    load_sample_garment,
-)
+from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
 from drapeline.storage import read_json
 
 
 @dataclass(frozen=True)
 class MovingGarment:
-    """A garment of a simulated sample.
+    """A garment of a simulated sample."""
 
-    Attributes:
-        sample, split, name: identify it; `name` is its type.
-        source: cloth solver that moved it.
-        gender: of the wearer.
-        shape: (10,).
-        poses: (N, 72) rad.
-        registered: its registration in rest pose.
-        faces: (F, 3) triangles of the simulated garment.
-        cloth: (N, C, 3) float32 vertices of the simulated garment, root-relative metres.
-    """
-
+    # sample, split, name: identify it; `name` is its type.
     sample: str
     split: str
     name: str
-    source: str
+    source: str  # cloth solver that moved it
     gender: str
-    shape: np.ndarray
-    poses: np.ndarray
-    registered: SampleGarment
-    faces: np.ndarray
-    cloth: np.ndarray
+    shape: np.ndarray  # (10,)
+    poses: np.ndarray  # (N, 72) rad
+    registered: SampleGarment  # its registration in rest pose
+    faces: np.ndarray  # (F, 3) triangles of the simulated garment
+    cloth: np.ndarray  # (N, C, 3) float32 vertices of the simulated garment, root-relative metres
 
     def points(self, frames: np.ndarray) -> np.ndarray:
         """(n, M, 3) positions of the registered points in frames (n,)."""
@@ -57,20 +44,15 @@ class MovingGarment:
 
 @dataclass(frozen=True)
 class MovingFiles:
-    """Files of a garment of a simulated sample; not all garments fit into memory.
+    """Files of a garment of a simulated sample; not all garments fit into memory."""
 
-    Attributes:
-        sample, split, name, source: as of `MovingGarment`.
-        folder: of the sample.
-        registration: folder of its registrations.
-    """
-
+    # sample, split, name, source: as of `MovingGarment`.
     sample: str
     split: str
     name: str
     source: str
     folder: Path
-    registration: Path
+    registration: Path  # folder of its registrations
 
     def load(self) -> MovingGarment:
         """Read the garment.
@@ -123,7 +105,6 @@ def load_moving(
 
     Args:
         samples, registrations: see `moving_files`.
-        split: to load.
 
     Raises:
         InputError: a file is missing or damaged.

@@ -14,13 +14,9 @@ _INSIDE_M = 0.01  # garments may touch the skin or cut into it
 
 
 def covered_vertices(body: np.ndarray, faces: np.ndarray, garment: Mesh) -> np.ndarray:
-    """(V,) bool: whether a ray from a vertex of the body along its normal meets the garment.
+    """(V,) bool: whether the ray from a vertex (V, 3) along its normal meets the garment.
 
     Unlike the nearest vertex, a ray tells skin below a hem from skin behind the cloth.
-
-    Args:
-        body, faces: (V, 3) metres and (F, 3).
-        garment: triangles.
     """
     normals = vertex_normals(body, faces)
     starts = body - _INSIDE_M * normals
@@ -30,15 +26,10 @@ def covered_vertices(body: np.ndarray, faces: np.ndarray, garment: Mesh) -> np.n
 
 @dataclass(frozen=True)
 class TexturePixels:
-    """Which place of the body each pixel of a square image in its texture coordinates shows.
+    """Places of the body that the pixels of a square image in its texture coordinates show."""
 
-    Attributes:
-        corners: (R * R, 3) vertices of the pixel's face; zeros where there is none.
-        weights: (R * R, 3) barycentric; zeros where there is none.
-    """
-
-    corners: np.ndarray
-    weights: np.ndarray
+    corners: np.ndarray  # (R * R, 3) vertices of the pixel's face; zeros where there is none
+    weights: np.ndarray  # (R * R, 3) barycentric; zeros where there is none
 
     @property
     def resolution(self) -> int:
@@ -52,13 +43,10 @@ class TexturePixels:
 
 
 def texture_pixels(body: BodyModel, resolution: int) -> TexturePixels:
-    """Rasterise the body's texture coordinates at the centres of pixels.
+    """Rasterise a body's texture coordinates at the centres of R x R pixels.
 
     A body without texture coordinates is seen from the front and from the back, side by side.
-
-    Args:
-        body: of either gender; those of an experiment share their faces.
-        resolution: R.
+    Bodies of an experiment share their faces, so that either gender's will do.
     """
     uv = _front_and_back(body) if body.vt is None or body.ft is None else body.vt[body.ft]
     places = uv * resolution - 0.5  # (F, 3, 2) in pixels, whose centres are whole numbers

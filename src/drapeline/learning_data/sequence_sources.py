@@ -12,7 +12,6 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import solver_name
 from drapeline.dataset.shards import samples_named, samples_of
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.job import Job
 from drapeline.learning_data.sequences import SKINNED, GarmentSequence, collect_sequences
@@ -32,7 +31,6 @@ def simulated_sequences(
     """A type's garments among accepted simulated samples.
 
     Args:
-        garment: the type.
         samples: folders as `write_sample` leaves them.
         clouds: folders of the same samples as `write_clouds` leaves them.
         tables: sample's id -> where the template lies on its garment.
@@ -52,7 +50,7 @@ def simulated_sequences(
                 name=sample.id,
                 source=solver_name(sample.meta or {}),
                 split=cloud.about["split"],
-                gender=int(info.gender),
+                gender=info.gender,
                 shape=np.asarray(info.shape),
                 poses=np.asarray(info.poses),
                 number=np.arange(sample.frame_count),
@@ -80,7 +78,6 @@ def skinned_sequences(
     """A type's garments among static outfits put into motion.
 
     Args:
-        garment: the type.
         folders: as `write_skinned` leaves them.
         shards: `.npz` of the static outfits of the same folders.
         tables: outfit's name -> where the template lies on its garment.
@@ -105,7 +102,7 @@ def skinned_sequences(
                     name=one.name,
                     source=SKINNED,
                     split=one.split,
-                    gender=GENDERS.index(one.gender),
+                    gender=one.gender,
                     shape=one.shape,
                     poses=one.poses,
                     number=one.number,

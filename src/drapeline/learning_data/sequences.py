@@ -17,7 +17,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.outfits.garment_types import GARMENTS
@@ -48,35 +48,21 @@ _ARRAYS = {"points": "float f p 3", "labels": "int f p", "garment": "float f n 3
 
 @dataclass(frozen=True)
 class GarmentSequence:
-    """A garment through one sequence, before it is collected.
+    """A garment through one sequence, before it is collected."""
 
-    Attributes:
-        name: of the sequence; no other of the same type has it.
-        source: the cloth solver that moved the garment, or `SKINNED` where skinning weights did.
-        split: "train", "val" or "test".
-        gender: 0 female, 1 male.
-        shape: (10,).
-        poses: (T, 72) rad.
-        number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
-            frames apart.
-        points: (T, P, 3) clouds.
-        labels: (T, P) codes of `LABELS`.
-        canonical: (N, 3) the garment in the rest pose, in template topology.
-        original: the same before registration, triangles.
-        garment: gives (T, N, 3), the posed garment in template topology, when it is needed.
-    """
-
-    name: str
-    source: str
-    split: str
-    gender: int
-    shape: np.ndarray
-    poses: np.ndarray
+    name: str  # of the sequence; no other of the same type has it
+    source: str  # the cloth solver that moved the garment, or `SKINNED` where skinning weights did
+    split: str  # "train", "val" or "test"
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,)
+    poses: np.ndarray  # (T, 72) rad
+    # (T,) of the frames in the motion, rising; those of skinned sequences may be some frames apart.
     number: np.ndarray
-    points: np.ndarray
-    labels: np.ndarray
-    canonical: np.ndarray
-    original: Mesh
+    points: np.ndarray  # (T, P, 3) clouds
+    labels: np.ndarray  # (T, P) codes of `LABELS`
+    canonical: np.ndarray  # (N, 3) the garment in the rest pose, in template topology
+    original: Mesh  # the same before registration, triangles
+    # Gives (T, N, 3), the posed garment in template topology, when it is needed.
     garment: Callable[[], np.ndarray]
 
 
@@ -92,8 +78,6 @@ def collect_sequences(
 
     Args:
         output: folder, replaced as a whole.
-        garment: the type.
-        sequences: any number of any splits.
         faces: (F, 3) of the type's template.
         components: D of the space; fewer where there are few garments.
         bodies: whole, by gender, to write body-relative points too; None if no network is given
@@ -129,8 +113,9 @@ def collect_sequences(
             shape=np.stack([one.shape for one in sequences]).astype(np.float32),
             **{
                 key: np.array([getattr(one, key) for one in sequences])
-                for key in ("name", "source", "split", "gender")
+                for key in ("name", "source", "split")
             },
+            gender=np.array([GENDERS.index(one.gender) for one in sequences]),
         )
         save_npz(
             scratch / "originals.npz",
@@ -166,7 +151,7 @@ def _write_clouds_and_garments(
         for name, dtype, shape in layouts
     }
     start = 0
-    for one in progress(sequences, total=len(sequences), label="sequences"):
+    for one in progress(sequences, label="sequences"):
         garment, end = one.garment(), start + len(one.poses)
         _refuse_unfinite(output, one, garment)
         values = {"points": one.points, "labels": one.labels, "garment": garment}
@@ -199,7 +184,7 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
 def _body_relative_points(one: GarmentSequence, bodies: Mapping[str, BodyModel]) -> np.ndarray:
     """(T, P, 4) what `body_relative_points` adds, for the body as rounded in the files."""
     shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-    return body_relative_points(bodies[GENDERS[one.gender]], shape, poses, one.points)[..., 3:]
+    return body_relative_points(bodies[one.gender], shape, poses, one.points)[..., 3:]
 
 
 def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
@@ -218,13 +203,11 @@ class SequenceData:
         folder: that it wrote.
 
     Attributes:
-        garment_type: their type.
         label: its code in `LABELS`.
-        space: of canonical garments.
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
         poses, number: (F, 72) and (F,) frame numbers in the motion.
         name, source, split, start, count: (S,) of the sequences; start is their first row.
-        shape, gender: (S, 10), (S,).
+        shape, gender: (S, 10) and (S,) "female" or "male".
         canonical, coefficients: (S, N, 3), (S, D).
 
     Raises:
@@ -246,7 +229,7 @@ class SequenceData:
         table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
         self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
         self.start, self.count = table["start"], table["count"]
-        self.shape, self.gender = table["shape"], table["gender"]
+        self.shape, self.gender = table["shape"], gender_names(table["gender"])
         self.canonical, self.coefficients = table["canonical"], table["coefficients"]
         if not np.array_equal(self.start, np.cumsum(self.count) - self.count):
             raise InputError(

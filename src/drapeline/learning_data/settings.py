@@ -1,11 +1,11 @@
-"""How static outfits are put into motion."""
+"""Settings of static outfits that are put into motion."""
 
 from drapeline.dataset.settings import CloudSettings
 from drapeline.settings import Field, Settings, SkipJsonSchema
 
 
 class SkinnedSettings(Settings):
-    """How static outfits are put into motion; the seed of their clouds chooses the motions."""
+    """Motion of static outfits; the seed of their clouds chooses the motions."""
 
     frames: int = Field(4, ge=1, le=300, description="Frames per outfit.")
     step: int = Field(

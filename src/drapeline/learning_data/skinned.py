@@ -26,7 +26,7 @@ from drapeline.dataset.record import read_record
 from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.collision import Solid
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.settings import SkinnedSettings
@@ -51,12 +51,7 @@ _SKIRT_REACH_M = 0.12
 
 
 class PosedOutfit(NamedTuple):
-    """An outfit in motion, metres relative to the root joint.
-
-    Attributes:
-        body: (T, B, 3) float32.
-        garments: name -> (T, V, 3) float32.
-    """
+    """An outfit in motion: body (T, B, 3), garments (T, V, 3) by name; root-relative metres."""
 
     body: np.ndarray
     garments: dict[str, np.ndarray]
@@ -73,27 +68,21 @@ def skin_outfit(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> PosedOutf
     rest = rest_body(body, outfit.shape)
     posed = posed_vertices(body, outfit.shape, poses)[0]
     motions = rest_to_pose(body, outfit.shape, poses)
-    solid = Solid(posed[0], body.faces)
+    resolver = PenetrationResolver(posed[0], body.faces)
     garments, averages = {}, {}
     for garment in outfit.garments:
         weights = worn_weights(garment, rest, body)
         garments[garment.name] = skin_points(garment.vertices, motions, weights).astype(np.float32)
         averages[garment.name] = averaging_matrix(garment.faces, len(garment.vertices))
     for frame, vertices in enumerate(posed):
-        solid.move(vertices)
+        resolver.move(vertices)
         for name, cloth in garments.items():
-            cloth[frame] = solid.push_out(cloth[frame], averages[name])
+            cloth[frame] = resolver.push_out(cloth[frame], averages[name])
     return PosedOutfit(posed, garments)
 
 
 def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndarray:
-    """(V, 24) float32 skinning weights of a garment in the rest pose; skirts' are diffused.
-
-    Args:
-        garment: in the rest pose of `rest`.
-        rest: (B, 3) body.
-        body: its model.
-    """
+    """(V, 24) float32 weights of a garment at rest on a body (B, 3); skirts' are diffused."""
     triangles = triangulate(garment.faces)
     weights = nearest_weights(garment.vertices, triangles, rest, body.faces, body.weights)
     if garment.name not in SKIRTS:
@@ -118,24 +107,15 @@ def _diffuse(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np
 
 @dataclass(frozen=True)
 class SampleMotion:
-    """A simulated sample's poses.
+    """A simulated sample's poses."""
 
-    Attributes:
-        sample: its id.
-        split: "train", "val" or "test".
-        poses: (F, 72) rad.
-    """
-
-    sample: str
-    split: str
-    poses: np.ndarray
+    sample: str  # its id
+    split: str  # "train", "val" or "test"
+    poses: np.ndarray  # (F, 72) rad
 
 
 def read_motions(samples: Sequence[str | Path]) -> list[SampleMotion]:
     """Read the poses of the accepted ones among simulated samples, sorted by id.
-
-    Args:
-        samples: folders.
 
     Raises:
         InputError: a file of a sample is missing or damaged.
@@ -171,7 +151,6 @@ def write_skinned(
         shard: `.npz` of static outfits.
         samples: folders of simulated samples.
         bodies: whole, by gender.
-        settings: of the frames and clouds.
         garments: types wanted; outfits without any of them are left out.
 
     Returns:
@@ -220,7 +199,7 @@ def _write(
     cloth = create_array(folder / "cloth.npy", np.float32, (rows, 3))
     chosen: list[tuple[str, np.ndarray, np.ndarray]] = []
     row = 0
-    for index, static in enumerate(progress(outfits, total=len(outfits), label="outfits")):
+    for index, static in enumerate(progress(outfits, label="outfits")):
         rng = rng_for(settings.clouds.seed, "skinned", static.name)
         own = [m for m in motions if m.split == static.split]
         motion = own[rng.integers(len(own))]
@@ -272,29 +251,19 @@ def _clouds(
 
 
 class SkinnedSequence(NamedTuple):
-    """One outfit of a folder that `write_skinned` wrote.
+    """One outfit of a folder that `write_skinned` wrote."""
 
-    Attributes:
-        name: of the static outfit.
-        split: "train", "val" or "test".
-        gender: "female" or "male".
-        shape: (10,).
-        sample: id of the simulated sample that it moves as.
-        number: (T,) of the frames in that sample.
-        poses: (T, 72) rad.
-        points, labels: (T, P, 3) float32 and (T, P) uint8, memory-mapped.
-        garments: name -> (T, V, 3) float32 root-relative vertices, memory-mapped.
-    """
-
-    name: str
-    split: str
-    gender: str
-    shape: np.ndarray
-    sample: str
-    number: np.ndarray
-    poses: np.ndarray
+    name: str  # of the static outfit
+    split: str  # "train", "val" or "test"
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,)
+    sample: str  # id of the simulated sample that it moves as
+    number: np.ndarray  # (T,) of the frames in that sample
+    poses: np.ndarray  # (T, 72) rad
+    # points, labels: (T, P, 3) float32 and (T, P) uint8, memory-mapped.
     points: np.ndarray
     labels: np.ndarray
+    # Name -> (T, V, 3) float32 root-relative vertices, memory-mapped.
     garments: dict[str, np.ndarray]
 
 

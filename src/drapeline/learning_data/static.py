@@ -8,7 +8,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes, gender_names
 from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
@@ -52,7 +52,7 @@ def collect_static(
     _, first = np.unique(rows["outfit"][chosen], return_index=True)  # each body once
     body_mean, body_std = body_statistics(
         rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
-        for row in progress(chosen[first], total=len(first), label="bodies")
+        for row in progress(chosen[first], label="bodies")
     )
     with atomic_folder(output) as scratch:
         shape = (len(rows["split"]), count)
@@ -84,7 +84,8 @@ def collect_static(
 
 def static_cvar(shape: np.ndarray, gender: np.ndarray, tightness: np.ndarray) -> np.ndarray:
     """Static conditions (n, 13) float32: shape (n, 10), gender (n,), signed tightness (n, 2)."""
-    return np.concatenate([shape, gender[:, None], tightness], axis=1).astype(np.float32)
+    codes = gender_codes(gender)[:, None]
+    return np.concatenate([shape, codes, tightness], axis=1).astype(np.float32)
 
 
 class StaticData:
@@ -94,7 +95,7 @@ class StaticData:
         offsets: (N, V, 3) float32 metres, memory-mapped.
         mask: (N, V) bool, memory-mapped.
         shape: (N, 10) float32.
-        gender: (N,) int8, 0 female, 1 male.
+        gender: (N,) "female" or "male".
         tightness: (N, 2) float32, with the gender's sign.
         garment: (N,) int8, index into `GARMENTS`.
         outfit, split: (N,) str.
@@ -114,7 +115,8 @@ class StaticData:
             self.folder / "statistics.npz",
             dict.fromkeys(("mean", "std", "body_mean", "body_std"), "float v 3"),
         )
-        self.shape, self.gender, self.tightness = rows["shape"], rows["gender"], rows["tightness"]
+        self.shape, self.tightness = rows["shape"], rows["tightness"]
+        self.gender = gender_names(rows["gender"])
         self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
         self.mean, self.std = statistics["mean"], statistics["std"]
         self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]

@@ -26,10 +26,7 @@ from drapeline.metrics.registered import (
 )
 from drapeline.metrics.table import join, summarise
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body.dynamic_offsets import (
-    dynamic_offsets,
-    points_from_offsets,
-)
+from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets, points_from_offsets
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -41,15 +38,11 @@ STILL, MEAN = "skinned_static", "skinned_mean"
 
 @dataclass(frozen=True)
 class MeanGarment:
-    """Mean offsets and mask of every garment type of the training set.
+    """Mean offsets and mask of every garment type of the training set."""
 
-    Attributes:
-        offsets: (types, V, 3) metres, each vertex averaged over the garments that cover it.
-        mask: (types, V), covered by more than half of the garments.
-    """
-
+    # (types, V, 3) metres, each vertex averaged over the garments that cover it.
     offsets: np.ndarray
-    mask: np.ndarray
+    mask: np.ndarray  # (types, V), covered by more than half of the garments
 
 
 def fit_mean_garment(
@@ -101,21 +94,13 @@ def nearest_rows(
 
 @dataclass(frozen=True)
 class GarmentPca:
-    """Principal components of offsets, and the mask that goes with them by linear regression.
+    """Principal components of offsets, and the mask that goes with them by linear regression."""
 
-    Attributes:
-        mean: (3V,) metres.
-        axes: (C, 3V) orthonormal.
-        mask_mean: (V,).
-        mask_axes: (C, V), mask per unit of coefficient.
-        explained: share of the training variance that the components hold.
-    """
-
-    mean: np.ndarray
-    axes: np.ndarray
-    mask_mean: np.ndarray
-    mask_axes: np.ndarray
-    explained: float
+    mean: np.ndarray  # (3V,) metres
+    axes: np.ndarray  # (C, 3V) orthonormal
+    mask_mean: np.ndarray  # (V,)
+    mask_axes: np.ndarray  # (C, V), mask per unit of coefficient
+    explained: float  # share of the training variance that the components hold
 
     def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""
@@ -219,9 +204,7 @@ def static_baseline_summary(
     """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
 
     Args:
-        splits: to measure on.
         components: of the PCA, at most.
-        seed: of the intervals.
     """
     everything = np.arange(len(garments.garment))
     predictors = static_baselines(
@@ -305,7 +288,6 @@ def moving_baseline_summary(
         held_out: split -> garments to measure.
         bodies: super-resolved, by gender.
         step: of the frames measured, and of those that the mean is computed from.
-        seed: of the intervals.
     """
     mean = mean_wrinkles(training, bodies, step)
     found = []
@@ -331,12 +313,7 @@ def moving_baseline_summary(
             model = "truth" if name == "moving" else "baseline"
             found.append(
                 summarise(
-                    every,
-                    model=model,
-                    variant=name,
-                    split=split,
-                    seed=seed,
-                    stream=(name, split),
+                    every, model=model, variant=name, split=split, seed=seed, stream=(name, split)
                 )
             )
     return join(found)

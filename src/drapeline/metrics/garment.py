@@ -136,11 +136,9 @@ def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 
 class BodyInside:
-    """Measures of points inside a body, which is indexed once for any number of garments.
+    """Measures of points inside a body, (V, 3) metres and (F, 3), which is indexed once.
 
-    Args:
-        body: (V, 3) vertices, metres; the mesh may have open ends.
-        faces: (F, 3).
+    Its mesh may have open ends.
     """
 
     def __init__(self, body: np.ndarray, faces: np.ndarray) -> None:

@@ -35,18 +35,12 @@ class Metric(NamedTuple):
 
 
 class Variant(NamedTuple):
-    """A row of tables: a model, one of its settings, a baseline or the truth.
-
-    Attributes:
-        title: of its rows.
-        group: title of what it is compared within, where a model has several such groups.
-        competes: whether it may be the best; bounds and the truth itself do not.
-        short: title above a column of pictures, in lines; those without one are in no picture.
-    """
+    """A row of tables: a model, one of its settings, a baseline or the truth."""
 
     title: str
-    group: str = ""
-    competes: bool = True
+    group: str = ""  # title of what it is compared within, where a model has several such groups
+    competes: bool = True  # whether it may be the best; bounds and the truth itself do not
+    # Title above a column of pictures, in lines; those without one are in no picture.
     short: str = ""
 
 

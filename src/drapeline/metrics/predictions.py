@@ -7,14 +7,14 @@ picture's pixels are 0 background, 1 body, 2 unknown, 3 + index into `GARMENTS`.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_npz, load_record, save_npz, save_record
 
 TRUE, BODY = "true", "body"  # what figures show besides fits
 
@@ -25,22 +25,6 @@ Fits = Mapping[str, Mapping[str, Mesh]]
 
 _FIT_ARRAYS = {"keys": "str n", "*/vertices": "float * 3", "*/faces": "int * 3"}
 BODY_PIXEL, UNKNOWN_PIXEL, FIRST_GARMENT_PIXEL = 1, 2, 3
-_RECONSTRUCTION_ARRAYS = {
-    **dict.fromkeys(("name", "garment"), "str"),
-    "faces": "int<n * 3",
-    "canonical": "float n 3",
-    **dict.fromkeys(("proposal", "final"), "float f n 3"),
-    "true": "float ...",
-    "true_canonical": "float ...",
-    "points": "float f p 3",
-    "labels": "int f p",
-    "body": "float f v 3",
-    "rest_body": "float v 3",
-    "body_faces": "int<v * 3",
-    "root_rotation": "float f 3",
-    "root_height": "float f",
-    "number": "int f",
-}
 _PICTURE_ARRAYS = {
     "name": "str",
     "labels": "int h w",
@@ -56,87 +40,52 @@ _PICTURE_ARRAYS = {
 
 
 class GarmentCase(NamedTuple):
-    """A garment before registration, after it, and as predicted.
+    """A garment before registration, after it, and as predicted."""
 
-    Attributes:
-        label: its name in a picture.
-        original: the garment as made or simulated, triangles, root-relative metres.
-        true: (V, 3) registered vertices, garment within `mask` (V,).
-        mask: (V,) bool.
-        predicted: (V, 3).
-        predicted_mask: (V,) bool; the true one if the model predicts none.
-        faces: (F, 3) of the garment's topology.
-        wearer: the whole body in the same pose.
-        root_rotation: (3,) axis-angle of the wearer's root joint, rad.
-    """
-
-    label: str
-    original: Mesh
-    true: np.ndarray
-    mask: np.ndarray
-    predicted: np.ndarray
-    predicted_mask: np.ndarray
-    faces: np.ndarray
-    wearer: Mesh
-    root_rotation: np.ndarray
+    label: str  # its name in a picture
+    original: Mesh  # the garment as made or simulated, triangles, root-relative metres
+    true: np.ndarray  # (V, 3) registered vertices, garment within `mask` (V,)
+    mask: np.ndarray  # (V,) bool
+    predicted: np.ndarray  # (V, 3)
+    predicted_mask: np.ndarray  # (V,) bool; the true one if the model predicts none
+    faces: np.ndarray  # (F, 3) of the garment's topology
+    wearer: Mesh  # the whole body in the same pose
+    root_rotation: np.ndarray  # (3,) axis-angle of the wearer's root joint, rad
 
 
 class WornGarment(NamedTuple):
-    """A garment on its wearer.
+    """A garment on its wearer."""
 
-    Attributes:
-        garment_type: one of `GARMENTS`.
-        garment: metres, in the frame of its wearer.
-        wearer: the whole body in the same pose.
-        root_rotation: (3,) axis-angle of the wearer's root joint, rad.
-    """
-
-    garment_type: str
-    garment: Mesh
-    wearer: Mesh
-    root_rotation: np.ndarray
+    garment_type: str  # one of `GARMENTS`
+    garment: Mesh  # metres, in the frame of its wearer
+    wearer: Mesh  # the whole body in the same pose
+    root_rotation: np.ndarray  # (3,) axis-angle of the wearer's root joint, rad
 
 
 class RebuiltGarment(NamedTuple):
-    """A held-out garment with its surfaces, all at rest.
-
-    Attributes:
-        label: names it.
-        garment: its type.
-        original: as it was made.
-        sheet, walls: of the field of its code.
-        mean: the open surface of the mean code on the same body.
-        wearer: the body.
-    """
+    """A held-out garment with its surfaces, all at rest."""
 
     label: str
     garment: str
-    original: Mesh
+    original: Mesh  # as it was made
+    # sheet, walls: of the field of its code.
     sheet: Mesh
     walls: Mesh
-    mean: Mesh
+    mean: Mesh  # the open surface of the mean code on the same body
     wearer: Mesh
 
 
 class GalleryGarment(NamedTuple):
-    """A garment of a gallery of SMPLicit.
+    """A garment of a gallery of SMPLicit."""
 
-    Attributes:
-        sheet: the picture that it is part of.
-        row, column: its place there, by their titles, which may have several lines.
-        caption: below it.
-        garment: its type, one of `GARMENTS`.
-        mesh: triangles at rest, root-relative metres; no faces if nothing was made.
-        wearer: the whole body at rest.
-    """
-
-    sheet: str
+    sheet: str  # the picture that it is part of
+    # row, column: its place there, by their titles, which may have several lines.
     row: str
     column: str
     caption: str
-    garment: str
-    mesh: Mesh
-    wearer: Mesh
+    garment: str  # its type, one of `GARMENTS`
+    mesh: Mesh  # triangles at rest, root-relative metres; no faces if nothing was made
+    wearer: Mesh  # the whole body at rest
 
 
 @dataclass(frozen=True)
@@ -144,46 +93,29 @@ class Reconstruction:
     """Frames of a sequence with every step of their reconstruction, for pictures.
 
     All vertices are in metres and relative to the root joint, Z up.
-
-    Attributes:
-        name: of the sequence.
-        garment: its type.
-        faces: (n, 3) of the garment's template.
-        canonical: (N, 3) as estimated.
-        proposal: (F, N, 3), the canonical garment skinned: equation 1 without displacements.
-        final: (F, N, 3), with them.
-        true: (F, N, 3), or no frames for a scan without ground truth.
-        true_canonical: (N, 3), or no vertices.
-        points: (F, P, 3) input clouds.
-        labels: (F, P) predicted indices into `dataset.labels.LABELS`.
-        body: (F, V, 3) whole body.
-        rest_body: (V, 3) in the pose of the canonical garment.
-        body_faces: (f, 3).
-        root_rotation: (F, 3) axis-angle of the body's root joint, rad.
-        root_height: (F,) metres of the root joint above the floor.
-        number: (F,) of the frames in their sequence, rising.
     """
 
     name: str
     garment: str
-    faces: np.ndarray
-    canonical: np.ndarray
-    proposal: np.ndarray
-    final: np.ndarray
-    true: np.ndarray
-    true_canonical: np.ndarray
-    points: np.ndarray
-    labels: np.ndarray
-    body: np.ndarray
-    rest_body: np.ndarray
-    body_faces: np.ndarray
-    root_rotation: np.ndarray
-    root_height: np.ndarray
-    number: np.ndarray
+    faces: Annotated[np.ndarray, "int<n * 3"]  # of the garment's template
+    canonical: Annotated[np.ndarray, "float n 3"]  # as estimated
+    # The canonical garment skinned: equation 1 without displacements.
+    proposal: Annotated[np.ndarray, "float f n 3"]
+    final: Annotated[np.ndarray, "float f n 3"]  # with them
+    true: Annotated[np.ndarray, "float ..."]  # (F, N, 3), or no frames without ground truth
+    true_canonical: Annotated[np.ndarray, "float ..."]  # (N, 3), or no vertices
+    points: Annotated[np.ndarray, "float f p 3"]  # input clouds
+    labels: Annotated[np.ndarray, "int f p"]  # predicted indices into `dataset.labels.LABELS`
+    body: Annotated[np.ndarray, "float f v 3"]  # whole
+    rest_body: Annotated[np.ndarray, "float v 3"]  # in the pose of the canonical garment
+    body_faces: Annotated[np.ndarray, "int<v * 3"]
+    root_rotation: Annotated[np.ndarray, "float f 3"]  # axis-angle of the body's root joint, rad
+    root_height: Annotated[np.ndarray, "float f"]  # metres of the root joint above the floor
+    number: Annotated[np.ndarray, "int f"]  # of the frames in their sequence, rising
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **vars(self))
+        save_record(path, self)
 
 
 def load_reconstruction(path: str | Path) -> Reconstruction:
@@ -192,9 +124,7 @@ def load_reconstruction(path: str | Path) -> Reconstruction:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    values = load_npz(path, _RECONSTRUCTION_ARRAYS)
-    words = {name: str(values[name]) for name in ("name", "garment")}
-    return Reconstruction(**{**values, **words})
+    return load_record(path, Reconstruction)
 
 
 def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Path]]:
@@ -259,37 +189,23 @@ def load_fitted_scans(path: str | Path) -> dict[str, dict[str, dict[str, Mesh]]]
 
 @dataclass(frozen=True)
 class PersonShown:
-    """A person of a picture, in the world of the camera.
+    """A person of a picture, in the world of the camera."""
 
-    Attributes:
-        intrinsics: (3, 3) of the camera, pixels.
-        world_to_camera: (4, 4), metres.
-        body: posed.
-        garments: type -> posed sheet, from the innermost to the outermost.
-        true: type -> the garment that the picture was taken of; empty where nobody knows.
-    """
-
-    intrinsics: np.ndarray
-    world_to_camera: np.ndarray
-    body: Mesh
-    garments: Mapping[str, Mesh]
+    intrinsics: np.ndarray  # (3, 3) of the camera, pixels
+    world_to_camera: np.ndarray  # (4, 4), metres
+    body: Mesh  # posed
+    garments: Mapping[str, Mesh]  # type -> posed sheet, from the innermost to the outermost
+    # Type -> the garment that the picture was taken of; empty where nobody knows.
     true: Mapping[str, Mesh]
 
 
 @dataclass(frozen=True)
 class FittedPicture:
-    """A picture and what was found in it.
-
-    Attributes:
-        name: of the picture.
-        labels: (H, W) uint8, see above.
-        photo: (H, W, 3) uint8, or None.
-        people: in it.
-    """
+    """A picture and what was found in it."""
 
     name: str
-    labels: np.ndarray
-    photo: np.ndarray | None
+    labels: np.ndarray  # (H, W) uint8, see above
+    photo: np.ndarray | None  # (H, W, 3) uint8, or None
     people: tuple[PersonShown, ...]
 
     def save(self, path: str | Path) -> None:

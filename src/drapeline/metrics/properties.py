@@ -23,19 +23,12 @@ _PLACKET_M = 0.02  # a polo is open in the middle, by less than this to either s
 
 
 class Property(NamedTuple):
-    """A property of garments.
+    """A property of garments."""
 
-    Attributes:
-        title: for captions.
-        unit: of `scale` times the value.
-        scale: of the value in captions.
-        about: what is measured.
-    """
-
-    title: str
-    unit: str
-    scale: float
-    about: str
+    title: str  # for captions
+    unit: str  # of `scale` times the value
+    scale: float  # of the value in captions
+    about: str  # what is measured
 
 
 PROPERTIES = {
@@ -162,7 +155,6 @@ def scan_class(region: str, properties: Mapping[str, float]) -> str:
 
     Args:
         region: of the garment's type, as in `GARMENT_TYPES`.
-        properties: of the garment.
     """
     if region == "whole":
         return CLASSES[-1]

@@ -25,21 +25,13 @@ Prediction = tuple[np.ndarray, np.ndarray | None]
 
 @dataclass(frozen=True)
 class Truth:
-    """Registered garments in rest pose, row by row.
+    """Registered garments in rest pose, row by row."""
 
-    Attributes:
-        offsets: (N, V, 3) metres; may be memory-mapped.
-        mask: (N, V) bool.
-        body: row -> rest body (V, 3), metres.
-        faces: row -> (F, 3) of the topology of the row's garment.
-        body_faces: (F, 3) of the body itself.
-    """
-
-    offsets: np.ndarray
-    mask: np.ndarray
-    body: Callable[[int], np.ndarray]
-    faces: Callable[[int], np.ndarray]
-    body_faces: np.ndarray
+    offsets: np.ndarray  # (N, V, 3) metres; may be memory-mapped
+    mask: np.ndarray  # (N, V) bool
+    body: Callable[[int], np.ndarray]  # row -> rest body (V, 3), metres
+    faces: Callable[[int], np.ndarray]  # row -> (F, 3) of the topology of the row's garment
+    body_faces: np.ndarray  # (F, 3) of the body itself
 
 
 def measure_predictions(
@@ -138,11 +130,7 @@ def measure_inside(
     body: BodyModel,
     topology: Topology,
 ) -> list[dict[str, float]]:
-    """`inside_measures` of every `CONTACT_STEP`-th of the frames, nothing of the others.
-
-    Args:
-        moving, frames, predicted, body, topology: see `measure_motion`.
-    """
+    """`inside_measures` of every `CONTACT_STEP`-th frame, None of others; see `measure_motion`."""
     faces, mask = topology.faces_of(moving.name), moving.registered.mask
     measured: list[dict[str, float]] = [{} for _ in frames]
     for index in range(0, len(frames), CONTACT_STEP):

@@ -22,12 +22,7 @@ from drapeline.metrics.garment import (
 
 
 class BodyFrames(NamedTuple):
-    """The body under a garment.
-
-    Attributes:
-        vertices: frame -> (V, 3) body vertices in the garment's frame of reference, metres.
-        faces: (F, 3) of the body.
-    """
+    """The body under a garment: (V, 3) metres by frame, as the garment is placed, and faces."""
 
     vertices: Callable[[int], np.ndarray]
     faces: np.ndarray
@@ -61,13 +56,10 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray) -> float:
 
 
 def to_cloud_mm(vertices: Sequence[np.ndarray], points: Sequence[np.ndarray]) -> float:
-    """One-way Chamfer distance (table 5): mean distance of vertices to the nearest point.
+    """One-way Chamfer distance (table 5): mean distance of vertices to the nearest of the points.
 
-    Parts that the garment lacks do not change it.
-
-    Args:
-        vertices: (N, 3) per frame.
-        points: (P, 3) of the whole cloud per frame; P may differ between frames.
+    Both are given frame by frame: (N, 3), and (P, 3) with any P. Parts that the garment lacks do
+    not change it.
     """
     distances = [
         KDTree(cloud).query(garment)[0].mean()
@@ -91,13 +83,9 @@ def inside_means(garment: np.ndarray, body: BodyFrames) -> dict[str, float]:
 
 
 def surface_means(garment: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
-    """Distances between surfaces in every fifth frame, averaged over them.
+    """Distances between surfaces (F, N, 3) of one mesh in every fifth frame, averaged over them.
 
     Vertex errors also count sliding along the surface, which nobody sees.
-
-    Args:
-        garment, true: (F, N, 3) metres.
-        faces: (E, 3) of both.
     """
     both = [
         surface_distances_mm(Mesh(garment[frame], faces), Mesh(true[frame], faces))

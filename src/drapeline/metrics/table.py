@@ -69,9 +69,6 @@ def summarise(
     Args:
         measured: garments or frames of a split by one variant; what is NaN is left out and not
             counted in `n`.
-        model: named in the rows.
-        variant: likewise.
-        split: likewise.
         seed: named in the rows; also draws the intervals.
         stream: names of the random stream of the intervals; by default model, variant and split.
         by_source: whether there are rows of each solver, and streams of their own.

@@ -58,8 +58,6 @@ def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> T
     """Read a motion on its skeleton.
 
     Args:
-        asf: skeleton file.
-        amc: motion file.
         fps: frames per second of the motion.
 
     Returns:

@@ -15,8 +15,8 @@ REST_JUMP_DEG = 20.0
 
 
 @dataclass
-class _Hierarchy:
-    """What the HIERARCHY part declares, in the order the MOTION part uses."""
+class _JointTree:
+    """Joints as the HIERARCHY part declares them, in the order the MOTION part uses."""
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -99,9 +99,9 @@ def _halves(path: Path, *, motion_lines: int | None = None) -> tuple[list[str], 
     return head, rows
 
 
-def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
+def _parse_hierarchy(path: Path, lines: list[str]) -> _JointTree:
     words = iter(" ".join(lines).split())
-    hierarchy = _Hierarchy()
+    hierarchy = _JointTree()
     stack: list[int] = []
     try:
         if next(words, "").upper() != "HIERARCHY":
@@ -138,7 +138,7 @@ def _skip_end_site(words: Iterator[str]) -> None:
         pass
 
 
-def _check_hierarchy(path: Path, hierarchy: _Hierarchy) -> None:
+def _check_hierarchy(path: Path, hierarchy: _JointTree) -> None:
     if not hierarchy.names or hierarchy.parents.count(-1) != 1:
         roots = hierarchy.parents.count(-1)
         raise InputError(f"{path}: has {roots} ROOT joints, expected 1")
@@ -179,7 +179,7 @@ def _parse_motion_header(path: Path, rows: list[str]) -> tuple[int, float, int]:
     raise InputError(f"{path}: lacks 'Frames:' or 'Frame Time:', expected a whole BVH file")
 
 
-def _parse_values(path: Path, rows: list[str], hierarchy: _Hierarchy, count: int) -> np.ndarray:
+def _parse_values(path: Path, rows: list[str], hierarchy: _JointTree, count: int) -> np.ndarray:
     """(frames, channels) values of the MOTION part."""
     values = _numbers(path, " ".join(rows).split())
     if len(values) != count * hierarchy.width:
@@ -205,7 +205,7 @@ def _numbers(path: Path, words: list[Any]) -> np.ndarray:
         raise InputError(f"{path}: {error}, expected numbers in the motion part") from error
 
 
-def _rotation_columns(hierarchy: _Hierarchy) -> np.ndarray:
+def _rotation_columns(hierarchy: _JointTree) -> np.ndarray:
     flat = [channel for channels in hierarchy.channels for channel in channels]
     return np.array([channel.lower().endswith("rotation") for channel in flat], dtype=bool)
 
@@ -219,7 +219,7 @@ def _starts_with_rest_pose(values: np.ndarray, rotations: np.ndarray) -> bool:
     return bool(jump > REST_JUMP_DEG and usual < 0.25 * jump)
 
 
-def _local_transforms(hierarchy: _Hierarchy, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _local_transforms(hierarchy: _JointTree, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Local rotations (N, J, 3, 3) and offsets from the parent (N, J, 3) of every frame."""
     count = len(values)
     local = np.zeros((count, len(hierarchy.names), 3, 3))

@@ -9,11 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import (
-    gaussian_filter1d,
-    maximum_filter1d,
-    minimum_filter1d,
-)
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
@@ -75,27 +71,18 @@ SOLES_BY_SIDE = (SOLES[_ON_THE_LEFT], SOLES[~_ON_THE_LEFT])
 
 @dataclass(frozen=True)
 class FloorReport:
-    """How well a motion stands on the floor z = 0, on the reference skeleton.
+    """Contact of a motion with the floor z = 0, on the reference skeleton."""
 
-    Attributes:
-        sliding_mm_per_frame: mean horizontal travel from one frame to the next of the points
-            that a resting foot stands on.
-        near_floor_mm_per_frame: the same of every sole point that is within 3 cm of the floor
-            and not swinging; pivots and feet about to lift count here.
-        resting: share of frames in which a foot rests, over both feet.
-        penetration_mean_mm: mean depth of the lowest point below the floor, over all frames.
-        penetration_max_mm: largest such depth.
-        floating_mean_mm: mean height of the lowest point in frames where the body is supported.
-        supported: share of frames in which something rests on the floor.
-    """
-
+    # Mean horizontal travel from one frame to the next of the points that a resting foot stands on.
     sliding_mm_per_frame: float
+    # The same of every sole point that is within 3 cm of the floor and not swinging; pivots and
+    # feet about to lift count here.
     near_floor_mm_per_frame: float
-    resting: float
-    penetration_mean_mm: float
-    penetration_max_mm: float
-    floating_mean_mm: float
-    supported: float
+    resting: float  # share of frames in which a foot rests, over both feet
+    penetration_mean_mm: float  # mean depth of the lowest point below the floor, over all frames
+    penetration_max_mm: float  # largest such depth
+    floating_mean_mm: float  # mean height of the lowest point in frames where the body is supported
+    supported: float  # share of frames in which something rests on the floor
 
 
 def touch_points(
@@ -228,13 +215,9 @@ _MAX_REACH = 0.999  # of the leg's length; a leg is never pulled straighter than
 
 
 def lock_feet(motion: Motion) -> Motion:
-    """Remove sliding and floating of resting feet; a cyclic motion stays cyclic.
+    """Turn hips, knees and ankles so that resting feet neither slide nor float.
 
-    Args:
-        motion: a motion on the floor.
-
-    Returns:
-        The motion with other hip, knee and ankle rotations.
+    A cyclic motion stays cyclic.
     """
     if motion.cycle is None:
         return _lock(motion)

@@ -17,15 +17,10 @@ MAX_SPEED_M_S = 30.0  # of the root; anything faster is a wrong unit
 
 @dataclass(frozen=True)
 class Cycle:
-    """What happens to the body over one round of a cyclic motion.
+    """Displacement of the body over one round of a cyclic motion."""
 
-    Attributes:
-        turn_rad: change of heading about the vertical.
-        shift_m: (2,) horizontal displacement of the root, seen in the first frame's world.
-    """
-
-    turn_rad: float
-    shift_m: np.ndarray
+    turn_rad: float  # change of heading about the vertical
+    shift_m: np.ndarray  # (2,) horizontal displacement of the root, seen in the first frame's world
 
 
 @dataclass(frozen=True)
@@ -36,7 +31,6 @@ class Motion:
         poses: (N, 72) float64 axis-angle in radians, SMPL order; the root holds the turn from
             the body's Y-up frame to the world.
         trans: (N, 3) float64 position of the root joint in metres, floor at z = 0.
-        fps: frames per second.
         action: label such as "walk"; empty if unknown.
         subject: who moved; empty if unknown.
         source: name of the file it was read from.
@@ -220,12 +214,7 @@ SEAM_S = 0.8  # the mismatch between a cycle's ends is blended out over this tim
 
 
 def close_cycle(
-    poses: np.ndarray,
-    trans: np.ndarray,
-    times_s: np.ndarray,
-    *,
-    fps: float,
-    straight: bool = False,
+    poses: np.ndarray, trans: np.ndarray, times_s: np.ndarray, *, fps: float, straight: bool = False
 ) -> tuple[np.ndarray, np.ndarray, Cycle]:
     """Close one round of a cyclic motion whose last pose nearly equals its first.
 
@@ -237,7 +226,6 @@ def close_cycle(
             the cycle.
         trans: (N, 3) metres.
         times_s: (N,) strictly increasing.
-        fps: frames per second of the result.
         straight: the heading of one round to the next is the same; else what the clip shows.
 
     Returns:

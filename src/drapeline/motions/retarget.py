@@ -85,7 +85,6 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
     """Express a take as SMPL poses of the reference skeleton, on no particular floor yet.
 
     Args:
-        take: the captured motion.
         joint_map: which source joint drives each SMPL joint.
 
     Returns:

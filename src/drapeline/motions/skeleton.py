@@ -76,15 +76,12 @@ class Take:
 
 
 def chain(parents: np.ndarray, rotations: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Joint positions from global rotations; the root is at the origin.
+    """(N, J, 3) places of joints by their global rotations; the root is at the origin.
 
     Args:
         parents: (J,) int, parents before children, -1 for the root.
         rotations: (N, J, 3, 3) global, or anything that broadcasts to it.
         offsets: (N, J, 3), or (1, J, 3) when bones keep their length.
-
-    Returns:
-        (N, J, 3) in the unit of `offsets`.
     """
     count = max(len(rotations), len(offsets))
     joints = len(parents)

@@ -15,9 +15,7 @@ from drapeline.storage import check_name, read_json, read_rows, write_json
 class FrameCounts:
     """Frame counts of files as they are now; a file that has changed is read anew.
 
-    Args:
-        memory: JSON file that keeps them; None keeps nothing. One that cannot be read or written
-            is ignored.
+    They are kept in `memory`, a JSON file, unless it is None; one that is unusable is ignored.
     """
 
     def __init__(self, memory: str | Path | None = None) -> None:
@@ -66,27 +64,19 @@ DESCRIPTIVE = ("frames", "source", "note")
 
 @dataclass(frozen=True)
 class MotionEntry:
-    """One row of a motion table.
-
-    Attributes:
-        name: of the sequence.
-        path: the motion file.
-        frames: frames it has once imported, at 30 fps.
-        loop_frames: length to which the cycle is repeated, or None.
-        action, subject: labels; empty leaves the file's own.
-        joint_map, asf: further files it needs, or None.
-        amc_fps: frame rate of an AMC file, or None.
-    """
+    """One row of a motion table."""
 
     name: str
     path: str
-    frames: int
-    loop_frames: int | None
+    frames: int  # frames it has once imported, at 30 fps
+    loop_frames: int | None  # length to which the cycle is repeated, or None
+    # action, subject: labels; empty leaves the file's own.
     action: str
     subject: str
+    # joint_map, asf: further files it needs, or None.
     joint_map: str | None
     asf: str | None
-    amc_fps: float | None
+    amc_fps: float | None  # frame rate of an AMC file, or None
 
     @property
     def files(self) -> dict[str, str]:

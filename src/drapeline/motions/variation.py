@@ -27,7 +27,6 @@ def cut_piece(
     """A piece of a clip at 30 fps, faster or slower than recorded, or with left and right changed.
 
     Args:
-        motion: the clip.
         start, stop: frames of the clip that the piece lies in.
         speed: seconds of the clip per second of the piece.
         mirrored: whether to mirror the piece in the plane x = 0 of the world.

@@ -1,4 +1,4 @@
-"""What an outfit is drawn from: every range and chance of the generator in one place."""
+"""Every range and chance that an outfit is drawn from, in one place."""
 
 from dataclasses import dataclass
 
@@ -93,8 +93,6 @@ def sample_upper(
     """Draw the numbers of an upper-body garment: name -> value, as stored with the sample.
 
     Args:
-        rng: draws them.
-        ranges: what they are drawn from.
         sleeves: a t-shirt, else a top.
         opens: whether it may open in front (not when it is part of a full-body garment).
     """

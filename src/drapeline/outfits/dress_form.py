@@ -35,17 +35,12 @@ _LEG = ("hip", "knee", "ankle")
 
 @dataclass(frozen=True)
 class Tube:
-    """Outlines of a limb or torso around an axis, at equal steps of one coordinate.
+    """Outlines of a limb or torso around an axis, at equal steps of one coordinate."""
 
-    Attributes:
-        start_m: coordinate of the first slice; the next ones follow every `STEP_M`.
-        centre: (S, 2) centre of each slice.
-        radius: (S, ANGLES) distance of the outline from the centre, metres, at angles
-            2 pi k / ANGLES counted from the second towards the first axis of the slice.
-    """
-
-    start_m: float
-    centre: np.ndarray
+    start_m: float  # coordinate of the first slice; the next ones follow every `STEP_M`
+    centre: np.ndarray  # (S, 2) centre of each slice
+    # (S, ANGLES) distance of the outline from the centre, metres, at angles 2 pi k / ANGLES counted
+    # from the second towards the first axis of the slice.
     radius: np.ndarray
 
     @property
@@ -69,11 +64,9 @@ class Tube:
 
 @dataclass(frozen=True)
 class Field:
-    """Signed distance of a dress form on a grid, metres, negative inside.
+    """Signed distance of a dress form, metres, negative inside: (X, Y, Z) float32.
 
-    Attributes:
-        origin: (3,) world position of the first cell's centre.
-        distance: (X, Y, Z) float32.
+    The centre of the first cell is at `origin` (3,) in the world.
     """
 
     origin: np.ndarray
@@ -116,25 +109,15 @@ class Field:
 
 @dataclass(frozen=True)
 class DressForm:
-    """One gender's dress form in rest pose at the mean shape, root-relative, Z up.
+    """One gender's dress form in rest pose at the mean shape, root-relative, Z up."""
 
-    Attributes:
-        torso: horizontal slices from the crotch to the neck, arms left off.
-        arm: slices of the left arm along X.
-        leg: horizontal slices of the left leg from the crotch down to the ankle.
-        skirt: horizontal slices of hips and both legs together, from the ankles to the waist.
-        upper: field of torso and arms.
-        lower: field of hips and legs.
-        landmarks: name -> metres (heights along Z, or X for the arm).
-    """
-
-    torso: Tube
-    arm: Tube
-    leg: Tube
-    skirt: Tube
-    upper: Field
-    lower: Field
-    landmarks: Landmarks
+    torso: Tube  # horizontal slices from the crotch to the neck, arms left off
+    arm: Tube  # slices of the left arm along X
+    leg: Tube  # horizontal slices of the left leg from the crotch down to the ankle
+    skirt: Tube  # horizontal slices of hips and both legs together, from the ankles to the waist
+    upper: Field  # field of torso and arms
+    lower: Field  # field of hips and legs
+    landmarks: Landmarks  # name -> metres (heights along Z, or X for the arm)
 
 
 def build_dress_form(body: BodyModel) -> DressForm:
@@ -195,11 +178,7 @@ def _landmarks(points: np.ndarray, part: np.ndarray, joint: Mapping[str, np.ndar
 
 
 def _outlines(
-    along: np.ndarray,
-    plane: np.ndarray,
-    start: float,
-    stop: float,
-    axis: np.ndarray | None = None,
+    along: np.ndarray, plane: np.ndarray, start: float, stop: float, axis: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hull outlines of points by slices: centres (S, 2) and radii (S, ANGLES), gaps filled.
 
@@ -292,7 +271,7 @@ def _leg(points: np.ndarray, part: np.ndarray, marks: Landmarks) -> Tube:
 
 
 def _inside(tube: Tube, along: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """Which points of a grid, along (A,) times plane (B, 2), lie within a tube: (A, B) bool."""
+    """Points of a grid, along (A,) times plane (B, 2), that lie within a tube: (A, B) bool."""
     shift = plane[None] - tube.centre_at(along)[:, None]
     angle = np.arctan2(shift[..., 0], shift[..., 1])
     within = np.hypot(shift[..., 0], shift[..., 1]) < tube.radius_at(along[:, None], angle)

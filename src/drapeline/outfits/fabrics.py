@@ -50,9 +50,5 @@ FABRICS = {
 
 
 def fabric_names(*, upper: bool) -> tuple[str, ...]:
-    """Fabrics that a garment may be made of (CLOTH3D 3.2), in the table's order.
-
-    Args:
-        upper: for a t-shirt or a top, else for any other garment.
-    """
+    """Fabrics of a t-shirt or top, or of other garments (CLOTH3D 3.2), in the table's order."""
     return tuple(name for name, fabric in FABRICS.items() if fabric.upper_garments or not upper)

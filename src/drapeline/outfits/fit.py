@@ -29,7 +29,7 @@ def resize(
     target_body: np.ndarray,
     passes: int,
 ) -> np.ndarray:
-    """Move a garment as the body under it moves from one shape to another.
+    """(V, 3) metres of a garment moved as the body under it moves from one shape to another.
 
     Every vertex takes the mean displacement of the nearest body vertices; smoothing the
     displacements keeps the body's details off the cloth.
@@ -39,9 +39,6 @@ def resize(
         average: (V, V) of `averaging_matrix`.
         mean_body, target_body: (B, 3) body before and after.
         passes: of smoothing.
-
-    Returns:
-        (V, 3) metres.
     """
     _, nearest = KDTree(mean_body).query(vertices, k=_NEAREST)
     displacement = (target_body - mean_body)[nearest].mean(axis=1)
@@ -55,7 +52,7 @@ def leave_body(
     gap_m: float,
     separate: Constraint | None = None,
 ) -> np.ndarray:
-    """Push a garment out of the body until every vertex is at least `gap_m` outside.
+    """(V, 3) metres of a garment pushed out until every vertex is at least `gap_m` off the body.
 
     Pushes are spread over the neighbourhood so that the body does not emboss the cloth.
 
@@ -66,9 +63,6 @@ def leave_body(
         gap_m: between body and cloth.
         separate: applied last in every round, see `separator`; it wins over the gap where a body
             leaves no room, as between thighs that touch.
-
-    Returns:
-        (V, 3) metres.
     """
     points = vertices.copy()
     for round_ in range(_ROUNDS):
@@ -88,7 +82,7 @@ def leave_body(
 def lay_over(
     outer: np.ndarray, average: sp.csr_matrix, inner: np.ndarray, axis_y: float, gap_m: float
 ) -> np.ndarray:
-    """Move the outer garment away from the body's axis until it clears the inner one.
+    """(V, 3) metres of the outer garment, moved off the body's axis until it clears the inner one.
 
     Args:
         outer, inner: (V, 3) and (W, 3) vertices, metres; of the inner garment only the outline
@@ -96,9 +90,6 @@ def lay_over(
         average: (V, V) of `averaging_matrix`, of the outer garment.
         axis_y: where the vertical axis stands.
         gap_m: between the garments.
-
-    Returns:
-        (V, 3) metres.
     """
     base = min(inner[:, 2].min(), outer[:, 2].min())
     rows = int((inner[:, 2].max() - base) / _HEIGHT_BIN_M) + 2
@@ -154,17 +145,12 @@ def drape_on_form(
     edge_length_m: float,
     fullness: float,
 ) -> np.ndarray:
-    """Hang a garment on the dress form for a moment.
+    """(V, 3) metres of a garment that hung on the dress form for a moment.
 
     Args:
         rng: decides where folds begin.
         form: the dress form that the pattern was cut on.
-        pattern: the garment.
-        edge_length_m: its mean edge length.
         fullness: excess of cloth around the body, as a share.
-
-    Returns:
-        (V, 3) metres, the pattern's vertices after settling.
     """
     points, faces = pattern.vertices, pattern.faces()
     nudge = seed_folds(rng, faces, len(points), edge_length_m, _FOLD_M * (0.2 + 60 * fullness))
@@ -184,7 +170,7 @@ def drape_on_form(
                 p[part] = field.lift(p[part], _GAP_M)
         return separate(p)
 
-    return settle(
+    return drape(
         points,
         faces,
         held,
@@ -195,7 +181,7 @@ def drape_on_form(
     )
 
 
-def settle(
+def drape(
     start: np.ndarray,
     faces: np.ndarray,
     held: np.ndarray,
@@ -205,7 +191,7 @@ def settle(
     nudge: np.ndarray,
     steps: int,
 ) -> np.ndarray:
-    """Let a garment settle with position-based dynamics (Mueller et al. 2007).
+    """(V, 3) metres of a garment after position-based dynamics (Mueller et al. 2007).
 
     Args:
         start: (V, 3) metres.
@@ -214,10 +200,6 @@ def settle(
         keep_out: moves points out of the dress form, after each step.
         fullness: (V,) excess of cloth around the body, as a share; it makes the folds.
         nudge: (V, 3) metres, added to the start where vertices are not held: folds begin there.
-        steps: number of steps.
-
-    Returns:
-        (V, 3) metres.
     """
     weft = np.concatenate([faces[:, [0, 1]], faces[:, [2, 3]]])
     warp = np.concatenate([faces[:, [1, 2]], faces[:, [3, 0]]])
@@ -253,17 +235,13 @@ def settle(
 def seed_folds(
     rng: np.random.Generator, faces: np.ndarray, count: int, edge_length_m: float, size_m: float
 ) -> np.ndarray:
-    """Draw displacements where folds begin, long along the warp and short along the weft.
+    """Draw (count, 3) metres where folds begin, long along the warp and short along the weft.
 
     Args:
         rng: draws the noise that is smoothed.
         faces: (F, 4), the first edge of each along the weft, the second along the warp.
         count: number of vertices.
-        edge_length_m: mean edge length.
         size_m: root mean square of the displacements' coordinates.
-
-    Returns:
-        (count, 3) metres.
     """
     noise = rng.normal(size=(count, 3))
     along = averaging_matrix(faces[:, [1, 2, 2, 1]], count)

@@ -9,7 +9,7 @@ from drapeline.errors import InputError
 
 @dataclass(frozen=True)
 class GarmentType:
-    """How the garments of a type are made and worn.
+    """Parts and wear of the garments of a type.
 
     Attributes:
         region: of the body that they cover. Upper garments are worn over lower ones, whose
@@ -24,7 +24,7 @@ class GarmentType:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What they are cut from, from top to bottom: "upper", then "trousers" or "skirt"."""
+        """Parts that they are cut from, from top to bottom: "upper", then "trousers" or "skirt"."""
         upper = () if self.region == "lower" else ("upper",)
         legs = () if self.region == "upper" else ("skirt" if self.skirt else "trousers",)
         return upper + legs
@@ -61,11 +61,7 @@ def layered(garments: Iterable[str]) -> tuple[str, ...]:
 
 
 def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
-    """The first item of each garment type, in the order of `GARMENTS`.
-
-    Args:
-        items: with their types, read until there is one of each.
-    """
+    """The first item of each type in the order of `GARMENTS`; no more are read than needed."""
     found: dict[str, Item] = {}
     for garment, item in items:
         found.setdefault(garment, item)
@@ -77,15 +73,12 @@ def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
 def outfit_types_by_gender(
     outfit_types: Sequence[str], *, male_skirts: bool, males: bool
 ) -> dict[str, list[str]]:
-    """Which of the wanted outfits bodies of each gender may wear.
+    """Gender -> those of the wanted outfits that its bodies may wear, in the given order.
 
     Args:
         outfit_types: some of `OUTFIT_TYPES`.
         male_skirts: whether male bodies wear skirts and dresses too.
         males: whether there are male bodies at all.
-
-    Returns:
-        Gender -> outfit types, in the given order.
 
     Raises:
         InputError: male bodies are left with nothing to wear.

@@ -47,15 +47,10 @@ _END_M = 0.02  # height of the band that is held at a waist or gathered by an el
 def sample_numbers(
     rng: np.random.Generator, outfit_type: str, ranges: OutfitRanges
 ) -> list[tuple[str, dict[str, Any]]]:
-    """Draw every random number of an outfit.
+    """Draw an outfit's random numbers: (name, `Garment.attributes`) from inner to outer.
 
     Args:
-        rng: draws the numbers.
         outfit_type: garments joined by "+".
-        ranges: what is drawn from.
-
-    Returns:
-        (garment name, description) from inner to outer; the descriptions become `Garment.about`.
     """
     names = outfit_type.split("+")
     out = []
@@ -130,13 +125,10 @@ def sample_outfit(
     """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
 
     Args:
-        rng: draws the numbers.
         templates: of the body's gender.
-        body: of the wearer's gender.
         gender: "female" or "male".
         shape: (10,) the wearer's shape coefficients.
         outfit_type: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
-        edge_length_m: mean edge length wanted.
         vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
         own: garment name -> the user's own, in place of the template.
@@ -190,12 +182,12 @@ def make_outfit(
     solid = SignedDistance(target, body.faces)
     axis_y = float(templates.form.torso.centre[0, 1])
     garments: list[Garment] = []
-    for name, about in numbers:
+    for name, attributes in numbers:
         if own and name in own:
-            garment, separate = _from_file(own[name], name, about, body), None
+            garment, separate = _from_file(own[name], name, attributes, body), None
         else:
             garment, separate = _from_template(
-                name, about, templates.form, edge_length_m, vertices_min
+                name, attributes, templates.form, edge_length_m, vertices_min
             )
         points = garment.vertices
         average = averaging_matrix(garment.faces, len(points))
@@ -216,10 +208,10 @@ def make_outfit(
 
 
 def _from_template(
-    name: str, about: dict[str, Any], form: DressForm, edge_length_m: float, vertices_min: int
+    name: str, attributes: dict[str, Any], form: DressForm, edge_length_m: float, vertices_min: int
 ) -> tuple[Garment, Constraint]:
     """A garment on the dress form, with float64 vertices, and what keeps its parts apart."""
-    numbers = about["parameters"]
+    numbers = attributes["parameters"]
     parts = {part: numbers[part] for part in GARMENT_TYPES[name].parts}
     pattern = cut_garment(form, edge_length_m, **parts)
     while pattern.count < vertices_min:
@@ -229,33 +221,35 @@ def _from_template(
     folds = rng_for(numbers["fold_seed"], "folds")
     points = drape_on_form(folds, form, pattern, edge_length_m, numbers["fullness"])
     uv, uv_faces = pattern.texture()
-    pin, elastic = _masks(pattern, name, about)
-    garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
+    pin, elastic = _masks(pattern, name, attributes)
+    garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, attributes)
     return garment, separator(pattern, _TIGHT_LEGS_M)
 
 
-def _from_file(own: OwnGarment, name: str, about: dict[str, Any], body: BodyModel) -> Garment:
+def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: BodyModel) -> Garment:
     """A user's garment, with float64 vertices."""
     mesh = load_user_garment(own.path, body)
     held = own.held
     if held is None:
         held = ("top",) if GARMENT_TYPES[name].region == "lower" else ()
     pin, elastic = (rims(own.path, mesh, names, _END_M) for names in (held, own.elastic))
-    about = {
-        **about,
-        "fabric": own.fabric or about["fabric"],
+    attributes = {
+        **attributes,
+        "fabric": own.fabric or attributes["fabric"],
         "elastic": dict.fromkeys(own.elastic, True),
         "parameters": {"own_garment": own.path, "held": list(held)},
     }
     points = mesh.vertices.astype(np.float64)
-    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, about)
+    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, attributes)
 
 
-def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def _masks(
+    pattern: Pattern, name: str, attributes: Mapping[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
     """Held vertices and gathered ends, by distance from their ring at the mean shape."""
     points = pattern.vertices
     pin, gathered = np.zeros(len(points), np.float32), np.zeros(len(points), np.float32)
-    if "upper" in about["parameters"]:
+    if "upper" in attributes["parameters"]:
         # A wide neck or an open front slides off shoulders that friction alone would have to hold.
         pin[pattern.marks["shoulders"]] = 1
     if GARMENT_TYPES[name].region == "lower":
@@ -266,7 +260,7 @@ def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.nd
         "legs": ("left_leg_cuff", "right_leg_cuff"),
         "waist": ("waist",),
     }
-    for end, on in about["elastic"].items():
+    for end, on in attributes["elastic"].items():
         for mark in ends[end] if on else ():
             ring = points[pattern.marks[mark]]
             low, high = ring.min(axis=0) - _END_M, ring.max(axis=0) + _END_M

@@ -20,7 +20,7 @@ class Garment:
         uv, uv_faces: (T, 2) float32 in [0, 1] and (F, 4) int32.
         pin: (V,) float32, 1 where the waistband is held.
         elastic: (V,) float32, 1 on ends that are gathered.
-        about: what goes into the JSON file: fabric, elastic, texture, parameters.
+        attributes: what goes into the JSON file: fabric, elastic, texture, parameters.
     """
 
     name: str
@@ -30,32 +30,23 @@ class Garment:
     uv_faces: np.ndarray
     pin: np.ndarray
     elastic: np.ndarray
-    about: dict[str, Any] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments from inner to outer, and whom they are made for.
+    """Garments from inner to outer, and whom they are made for."""
 
-    Attributes:
-        garments: one or two.
-        shape: (10,) the wearer's shape.
-        tightness: (2,) gamma as drawn.
-        signed_tightness: (2,) the same with the gender's sign.
-        gender: "female" or "male".
-    """
-
-    garments: tuple[Garment, ...]
-    shape: np.ndarray
-    tightness: np.ndarray
-    signed_tightness: np.ndarray
-    gender: str
+    garments: tuple[Garment, ...]  # one or two
+    shape: np.ndarray  # (10,) the wearer's shape
+    tightness: np.ndarray  # (2,) gamma as drawn
+    signed_tightness: np.ndarray  # (2,) the same with the gender's sign
+    gender: str  # "female" or "male"
 
     def save(self, npz_path: str | Path, json_path: str | Path, *, split: str = "") -> None:
         """Write arrays under `{name}/...` and everything else as JSON.
 
         Args:
-            npz_path, json_path: to write.
             split: of an outfit at rest; that of a simulated one is in its sample's record.
         """
         arrays = {}
@@ -66,7 +57,7 @@ class Outfit:
         write_json(
             json_path,
             {
-                "garments": [{"name": g.name, **g.about} for g in self.garments],
+                "garments": [{"name": g.name, **g.attributes} for g in self.garments],
                 "gender": self.gender,
                 "tightness": self.tightness.tolist(),
                 "signed_tightness": self.signed_tightness.tolist(),
@@ -77,13 +68,7 @@ class Outfit:
 
 
 OUTFIT_JSON = {
-    "garments": [
-        {
-            "name": str,
-            "fabric": str,
-            "texture": {"type": str, "data?": 3 * [float]},
-        }
-    ],
+    "garments": [{"name": str, "fabric": str, "texture": {"type": str, "data?": 3 * [float]}}],
     "gender": str,
     "shape": 10 * [float],
     "tightness": 2 * [float],
@@ -120,7 +105,7 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
         Garment(
             g["name"],
             *(arrays[f"{g['name']}/{key}"] for key in _ARRAYS),
-            about={k: v for k, v in g.items() if k != "name"},
+            attributes={k: v for k, v in g.items() if k != "name"},
         )
         for g in about["garments"]
     )

@@ -9,16 +9,10 @@ from drapeline.storage import read_json
 
 
 class StaticOutfit(NamedTuple):
-    """An outfit of a shard.
+    """An outfit of a shard."""
 
-    Attributes:
-        name: of its plan.
-        split: "train", "val" or "test".
-        outfit: its garments and their wearer.
-    """
-
-    name: str
-    split: str
+    name: str  # of its plan
+    split: str  # "train", "val" or "test"
     outfit: Outfit
 
 

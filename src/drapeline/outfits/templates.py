@@ -99,9 +99,7 @@ def build_templates(body: BodyModel) -> Templates:
     """Make one gender's templates; takes a few seconds."""
     form = build_dress_form(body)
     return Templates(
-        form,
-        {name: _mesh(form, parts) for name, parts in TEMPLATE_NUMBERS.items()},
-        body.name,
+        form, {name: _mesh(form, parts) for name, parts in TEMPLATE_NUMBERS.items()}, body.name
     )
 
 

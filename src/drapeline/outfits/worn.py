@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from drapeline.bodies.follow import PosedBody, pose_garment
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.collision import Solid
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
 from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 
@@ -19,40 +19,24 @@ _ROUNDS, _SPREAD = 3, 4
 
 
 class DrapedSheet(NamedTuple):
-    """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer.
+    """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer."""
 
-    Attributes:
-        rest: (V, 3) vertices with faces.
-        posed: the same faces, in the world.
-    """
-
-    rest: Mesh
-    posed: Mesh
+    rest: Mesh  # (V, 3) vertices with faces
+    posed: Mesh  # the same faces, in the world
 
 
 @dataclass(frozen=True)
 class SkinningOptions:
-    """How garments follow the body, see `pose_garment`.
+    """Options of garments that follow the body, see `pose_garment`."""
 
-    Attributes:
-        neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
-        smoothing: passes that smooth the motions over a garment; none in the paper.
-    """
-
-    neighbours: int = 8
-    smoothing: int = 20
+    neighbours: int = 8  # vertices of the body that a vertex follows; 1 in SMPLicit's paper
+    smoothing: int = 20  # passes that smooth the motions over a garment; none in the paper
 
 
 def pose_in_layers(
     garments: Mapping[str, Mesh], body: PosedBody, skinning: SkinningOptions
 ) -> dict[str, Mesh]:
-    """Garments at rest, posed and in layers.
-
-    Args:
-        garments: by name, from the innermost to the outermost; some may have no faces.
-        body: the wearer.
-        skinning: how they follow it.
-    """
+    """Garments at rest, the innermost first, posed and in layers; some may have no faces."""
     posed = [
         pose_garment(one, body, neighbours=skinning.neighbours, smoothing=skinning.smoothing)
         if len(one.faces)
@@ -63,18 +47,13 @@ def pose_in_layers(
 
 
 def stack_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
-    """Posed sheets pushed out of the body, and each out of those below it.
-
-    Args:
-        sheets: from the innermost to the outermost; some may have no faces.
-        body: the wearer.
-    """
-    solid = Solid(body.posed.astype(np.float32), body.faces)
+    """Posed sheets, the innermost first, pushed out of the body, and each out of those below it."""
+    resolver = PenetrationResolver(body.posed.astype(np.float32), body.faces)
     worn: list[Mesh] = []
     for sheet in sheets:
         if len(sheet.faces):
             average = averaging_matrix(sheet.faces, len(sheet.vertices))
-            vertices = solid.push_out(sheet.vertices, average)
+            vertices = resolver.push_out(sheet.vertices, average)
             for inner in worn:
                 if len(inner.faces):
                     vertices = _push_over(vertices, average, inner)

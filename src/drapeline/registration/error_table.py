@@ -15,8 +15,6 @@ class Measure(NamedTuple):
 
     Attributes:
         metric: name, with its unit.
-        value: of the garment.
-        unit: of the value.
     """
 
     metric: str

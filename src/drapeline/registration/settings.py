@@ -8,7 +8,7 @@ _Weight = Annotated[float, Field(ge=0, le=1_000_000)]
 
 
 class TemplateFitSettings(Settings):
-    """How a garment is laid onto a template (Garment4D, equation 3, for lengths in metres)."""
+    """Fit of garments to a template (Garment4D, equation 3, for lengths in metres)."""
 
     chamfer: float = Field(
         1, ge=0, le=1_000_000, description="Weight of the distance between surfaces (equation 3)."

@@ -18,17 +18,11 @@ from drapeline.registration.settings import RefineSettings
 
 
 class WornGarmentStatistics(NamedTuple):
-    """How worn garments of a type differ from their skinned proposals.
+    """Statistics of worn garments of a type against their skinned proposals."""
 
-    Attributes:
-        shares: (K,) lengths of `springs` when worn, over those in the canonical
-            garment.
-        error_m: (N,) root mean square error of the proposals, metres.
-        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
-    """
-
-    shares: np.ndarray
-    error_m: np.ndarray
+    shares: np.ndarray  # (K,) lengths of `springs` when worn, over those in the canonical garment
+    error_m: np.ndarray  # (N,) root mean square error of the proposals, metres
+    # (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
     follow: np.ndarray
 
 
@@ -77,7 +71,7 @@ def fit_to_points(
     proposal: np.ndarray | None = None,
     worn_statistics: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
-    """Garments near the points, with the canonical garment's lengths, smooth in time.
+    """Garments (F, N, 3) float32 near the points, of the canonical lengths, smooth in time.
 
     Each round pulls every vertex towards the points whose nearest places on the garment it is a
     corner of, and out of the body. It then minimises the sum of squares of the remaining pulls, the
@@ -91,24 +85,20 @@ def fit_to_points(
         faces: (E, 3) of the garment.
         rest: (N, 3) the canonical garment.
         body, body_normals: (F, M, 3) body vertices and outward unit normals.
-        settings: weights.
         proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
             None.
         worn_statistics: of the type; if None, lengths are those at rest, all vertices start
             equally well, and accelerations are compared with zero.
-
-    Returns:
-        (F, N, 3) float32.
     """
     if worn_statistics is None:
         count = len(rest)
         worn_statistics = WornGarmentStatistics(
             np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count)
         )
-    cloth = Cloth(rest, faces, settings, worn_statistics.shares)
+    cloth = EdgeSprings(rest, faces, settings, worn_statistics.shares)
     keep = (settings.keep_m / np.maximum(worn_statistics.error_m, settings.keep_m)) ** 2
     start = np.asarray(vertices, dtype=np.float64)
-    solver = SpaceTime(cloth.stiffness, 1 + keep, len(start), settings.smooth)
+    solver = SmoothnessSolver(cloth.stiffness, 1 + keep, len(start), settings.smooth)
     constant = keep[:, None] * start
     accelerations = solver.acceleration_gradient(start if proposal is None else proposal)
     constant += worn_statistics.follow[:, None] * accelerations
@@ -123,7 +113,7 @@ def fit_to_points(
     return garment.astype(np.float32)
 
 
-class Cloth:
+class EdgeSprings:
     """Springs along edges and across them, at rest in the canonical garment.
 
     Args:
@@ -159,7 +149,7 @@ class Cloth:
         return out.reshape(count, frames, 3).transpose(1, 0, 2)
 
 
-class SpaceTime:
+class SmoothnessSolver:
     """(K + diag(d) + smooth D^T D) x = b, for all frames at once.
 
     D takes second differences in time. In the basis of the eigenvectors of D^T D the system falls
@@ -195,11 +185,7 @@ class SpaceTime:
 
 
 def point_pull(
-    garment: np.ndarray,
-    points: np.ndarray,
-    chosen: np.ndarray,
-    faces: np.ndarray,
-    reach_m: float,
+    garment: np.ndarray, points: np.ndarray, chosen: np.ndarray, faces: np.ndarray, reach_m: float
 ) -> np.ndarray:
     """Mean offset from the garment to the points around each vertex, (F, N, 3) metres.
 
@@ -237,11 +223,7 @@ def point_pull(
 
 
 def body_push(
-    garment: np.ndarray,
-    body: np.ndarray,
-    normals: np.ndarray,
-    nearest: np.ndarray,
-    gap_m: float,
+    garment: np.ndarray, body: np.ndarray, normals: np.ndarray, nearest: np.ndarray, gap_m: float
 ) -> np.ndarray:
     """Offsets that move vertices to `gap_m` above the body, (F, N, 3) metres.
 

@@ -33,8 +33,6 @@ def move_to_scan(
             some may have no faces.
         rest: the same triangles at rest.
         scan: with the garments.
-        body: the wearer.
-        settings: weights.
     """
     normals = vertex_normals(body.posed, body.faces)
     moved = {}

@@ -54,11 +54,7 @@ class Camera:
 
 
 def look_at(
-    position: np.ndarray,
-    target: np.ndarray,
-    *,
-    focal_px: float,
-    size: tuple[int, int],
+    position: np.ndarray, target: np.ndarray, *, focal_px: float, size: tuple[int, int]
 ) -> Camera:
     """A camera at `position` that has `target` in the middle of the picture and +Z upwards.
 
@@ -108,10 +104,9 @@ def frame_points(
 
 
 def facing_direction(root_rotation: np.ndarray) -> tuple[float, float]:
-    """Horizontal direction (x, y) that a body faces; for one that lies or bends over, its side.
+    """Direction (x, y) that a body faces, or its side where it lies or bends over.
 
-    Args:
-        root_rotation: (3,) axis-angle of the root joint, rad.
+    The root joint's rotation is an axis-angle (3,), rad.
     """
     turn = Rotation.from_rotvec(np.array(root_rotation))
     front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

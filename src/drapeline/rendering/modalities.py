@@ -13,19 +13,12 @@ from drapeline.rendering.camera import Camera
 
 @dataclass(frozen=True)
 class Seen:
-    """Images of height H and width W; where nothing is hit everything is 0.
+    """Images of height H and width W; where nothing is hit everything is 0."""
 
-    Attributes:
-        depth: (H, W) float32 metres along the optical axis.
-        normals: (H, W, 3) float32 unit surface normals, world axes, towards the camera.
-        velocities: (H, W, 3) float32 m/s, world axes.
-        segments: (H, W) uint8, 0 for nothing, else 1 + index of the mesh.
-    """
-
-    depth: np.ndarray
-    normals: np.ndarray
-    velocities: np.ndarray
-    segments: np.ndarray
+    depth: np.ndarray  # (H, W) float32 metres along the optical axis
+    normals: np.ndarray  # (H, W, 3) float32 unit surface normals, world axes, towards the camera
+    velocities: np.ndarray  # (H, W, 3) float32 m/s, world axes
+    segments: np.ndarray  # (H, W) uint8, 0 for nothing, else 1 + index of the mesh
 
 
 @wp.kernel
@@ -49,9 +42,7 @@ def _cast(
 def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camera: Camera) -> Seen:
     """Cast one ray through the centre of every pixel.
 
-    Args:
-        meshes: vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and velocities (V, 3) in
-            m/s, each.
+    Meshes have vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and velocities in m/s.
     """
     height, width = camera.height, camera.width
     vertices = np.concatenate([m[0] for m in meshes]).astype(np.float32)

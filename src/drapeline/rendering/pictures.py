@@ -16,10 +16,7 @@ _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
 # PNG is shown by a Snakemake report; WebP, in full colour, is smaller still.
-_FORMATS = {
-    ".png": {"format": "PNG"},
-    ".webp": {"format": "WEBP", "quality": 85, "method": 6},
-}
+_FORMATS = {".png": {"format": "PNG"}, ".webp": {"format": "WEBP", "quality": 85, "method": 6}}
 _COLOURS = 256
 # Steps between the palest ones, and to white, would be seen where shadows fade out.
 _PALE = np.repeat(np.arange(225, 256, 2, dtype=np.uint8)[:, None], 3, axis=1)
@@ -68,7 +65,6 @@ def save_grid(
     """Write a PNG of pictures in rows: titles above, labels to the left, captions at the bottom.
 
     Args:
-        path: the PNG.
         rows: cells whose pictures are of one size; None leaves a place empty.
         columns: titles, which may have several lines.
         labels: of the rows, which may have several lines.
@@ -107,18 +103,13 @@ def save_grid(
 
 
 def save_contact_sheet(
-    path: str | Path,
-    pictures: Sequence[tuple[np.ndarray, str]],
-    columns: int,
-    *,
-    letter: int = 14,
+    path: str | Path, pictures: Sequence[tuple[np.ndarray, str]], columns: int, *, letter: int = 14
 ) -> None:
     """Write a PNG of pictures that fill rows one after the other, each above its caption.
 
     Captions have as many lines as it takes for them to be no wider than the pictures.
 
     Args:
-        path: the PNG.
         pictures: (H, W, 3) uint8, of any sizes, and their captions.
         columns: pictures in a row.
         letter: height of the captions, in pixels.
@@ -131,9 +122,7 @@ def save_contact_sheet(
     captions = [_in_lines(caption, font, width) for _, caption in pictures]
     below = round((1.25 * max(caption.count("\n") + 1 for caption in captions) + 0.45) * letter)
     sheet = Image.new(
-        "RGB",
-        (columns * (width + gap) + gap, rows * (height + below + gap) + gap),
-        _PAPER,
+        "RGB", (columns * (width + gap) + gap, rows * (height + below + gap) + gap), _PAPER
     )
     draw = ImageDraw.Draw(sheet)
     for index, ((picture, _), caption) in enumerate(zip(pictures, captions, strict=True)):
@@ -172,15 +161,12 @@ def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.n
 
 
 def text_card(title: str, text: str, size: tuple[int, int]) -> np.ndarray:
-    """A plain picture with a title and a text, to stand for one that could not be taken.
+    """A plain picture (H, W, 3) uint8 of a title and a text, for one that could not be taken.
 
     Args:
         title: one line.
         text: wrapped to the picture's width; what does not fit is cut off.
         size: width and height in pixels.
-
-    Returns:
-        (height, width, 3) uint8.
     """
     width, height = size
     image = Image.new("RGB", size, _CARD)

@@ -22,19 +22,12 @@ FLOOR_REACH_M = 1.6  # shadows fade out at this distance from where they are dar
 
 @dataclass(frozen=True)
 class ColouredMesh:
-    """A mesh in one colour.
+    """A mesh in one colour."""
 
-    Attributes:
-        vertices: (V, 3) world, metres.
-        faces: (F, 3) or (F, 4).
-        colour: sRGB in 0-1.
-        gloss: strength of the highlight, 0 for none.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    colour: Sequence[float]
-    gloss: float = 0.0
+    vertices: np.ndarray  # (V, 3) world, metres
+    faces: np.ndarray  # (F, 3) or (F, 4)
+    colour: Sequence[float]  # sRGB in 0-1
+    gloss: float = 0.0  # strength of the highlight, 0 for none
 
 
 # What a pixel shows, in `_Pixels.kind`: nothing, the floor, or a mesh.
@@ -293,12 +286,7 @@ def _alike(place: wp.vec3, normal: wp.vec3, other: wp.vec3, its_normal: wp.vec3)
 
 
 @wp.kernel
-def _expose(
-    surfaces: _Surfaces,
-    view: _View,
-    pixels: _Pixels,
-    light: wp.array(dtype=wp.vec4),
-):
+def _expose(surfaces: _Surfaces, view: _View, pixels: _Pixels, light: wp.array(dtype=wp.vec4)):
     """See what each pixel's middle shows, and sample the light there."""
     pixel = wp.tid()
     column = pixel % view.width
@@ -445,20 +433,16 @@ def raytrace(
     floor_reach_m: float = FLOOR_REACH_M,
     samples: int = 16,
 ) -> np.ndarray:
-    """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
+    """(H, W, 3) uint8 sRGB of meshes that stand on the floor z = 0; equal inputs, equal pictures.
 
     Args:
         parts: the meshes.
-        camera: takes the picture.
         floor_centre: (x, y) where shadows are darkest; they fade out with the distance from it, and
             towards the picture's borders.
         floor_reach_m: from where on there are no shadows.
         samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
             neighbouring pixels share. A block of pixels is one colour where its pixels have less
             than a sample each.
-
-    Returns:
-        (height, width, 3) uint8 sRGB.
     """
     vertices = np.concatenate([p.vertices for p in parts]).astype(np.float32)
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])

@@ -72,6 +72,11 @@ class Cell(str):
         return cell
 
 
+def number(text: object, *classes: str, order: float | None = None) -> Cell:
+    """A cell of the class `number`, whose texts stand below one another."""
+    return Cell(text, "number", *classes, order=order)
+
+
 def html_table(rows: Sequence[Mapping[str, object]]) -> str:
     """Rows as an HTML table, with the columns of all rows in order of appearance.
 

@@ -49,7 +49,6 @@ class Figure(NamedTuple):
     """A number that matters.
 
     Attributes:
-        title: what it is.
         value: with its unit.
         note: what to hold it against.
     """
@@ -64,20 +63,13 @@ class _Comparison(NamedTuple):
 
     Where models are trained apart, their variants stand in one text, with spaces between them; the
     error is their mean.
-
-    Attributes:
-        title: what is compared.
-        metric: in millimetres.
-        models: variants; the first that was evaluated is shown.
-        networks: variants, of the papers; they stand beside it.
-        baselines: variants; the best stands beside it.
     """
 
     title: str
-    metric: str
-    models: Sequence[str]
-    networks: Sequence[str]
-    baselines: Sequence[str]
+    metric: str  # in millimetres
+    models: Sequence[str]  # variants; the first that was evaluated is shown
+    networks: Sequence[str]  # variants, of the papers; they stand beside it
+    baselines: Sequence[str]  # variants; the best stands beside it
 
 
 def _of_parts(name: str) -> str:
@@ -264,11 +256,7 @@ def _strip(pictures: Sequence[str | Path]) -> str:
     return f'<div class="shown">{images}</div>' if images else ""
 
 
-def _sheet(
-    status: Table,
-    worn: Mapping[str, str],
-    pictures: Mapping[str, str | Path],
-) -> str:
+def _sheet(status: Table, worn: Mapping[str, str], pictures: Mapping[str, str | Path]) -> str:
     """All samples in small or, of very many, as many as the page has room for."""
     shown = status[status["sample"].isin([*pictures])]
     rows = _evenly(list(shown.itertuples()), _SHEET_MAX)

@@ -16,7 +16,7 @@ from drapeline.outfits.garment_types import first_of_each
 from drapeline.outfits.outfit import Garment
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_body.hierarchy import Hierarchy
-from drapeline.registration.to_body.registrar import Registrar, Registration, surface_distance
+from drapeline.registration.to_body.registrar import RegisteredGarment, Registrar, surface_distance
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
@@ -82,9 +82,6 @@ def plot_hierarchies(
     """Draw the receptive fields of each level and some coarse meshes, by topology and pooling.
 
     Captions give the number of fields and the standard deviation of their areas over the mean.
-
-    Args:
-        hierarchies: pooling -> hierarchy.
     """
     shapes = {
         "body": (_stand(topology.rest), topology.faces),
@@ -233,7 +230,6 @@ def plot_registration(
     """Write a PNG with a row per garment type: garment, registered, rebuilt, errors.
 
     Args:
-        path: the PNG.
         topology: of the super-resolved body.
         bodies: super-resolved, by gender.
         outfits: the first garment of each type among them is shown.
@@ -251,7 +247,7 @@ def plot_registration(
 
 
 def _row(
-    garment: Garment, body: np.ndarray, topology: Topology, done: Registration
+    garment: Garment, body: np.ndarray, topology: Topology, done: RegisteredGarment
 ) -> list[GridCell]:
     faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
     laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)

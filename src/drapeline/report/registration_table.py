@@ -7,7 +7,7 @@ import pandas as pd
 
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.error_table import COLUMNS, FILE_NAME
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
 
 TARGET_MM = 3.0
@@ -41,12 +41,7 @@ SUMMARY = Schema(
 
 
 def summarise_errors(errors: Table, source: str) -> Table:
-    """Summarise errors to a row per type and metric: mean, median, maximum and sum over garments.
-
-    Args:
-        errors: rows of error tables.
-        source: name of their group, or "template".
-    """
+    """Summarise a group's errors to a row per type and metric: mean, median, maximum and sum."""
     found = errors.assign(garment=pd.Categorical(errors["garment"], GARMENTS), source=source)
     metrics = list(dict.fromkeys(errors["metric"]))
     found["metric"] = pd.Categorical(found["metric"], metrics)
@@ -63,7 +58,6 @@ def write_registration_tables(
 
     Args:
         table: the `.tsv`.
-        page: the HTML page.
         groups: group -> folders of its registered shards, with a table for each shard or for each
             sample in it; those of rejected samples have none.
 
@@ -95,16 +89,11 @@ def write_registration_tables(
 def errors_by_type(
     summary: Table, cell: Callable[[pd.Series], tuple[str, Cell]]
 ) -> list[dict[str, object]]:
-    """One row per type, one column per metric.
-
-    Args:
-        summary: see `summarise_errors`.
-        cell: a row's heading and cell.
-    """
+    """One row per type of a summary, one column per metric, whose heading and cell `cell` gives."""
     return [
         {
             "Garment": garment,
-            "Garments": Cell(part["garments"].iloc[0], "number"),
+            "Garments": number(part["garments"].iloc[0]),
             **dict(cell(row) for _, row in part.iterrows()),
         }
         for garment, part in summary.groupby("garment", sort=False)
@@ -120,4 +109,4 @@ def _cell(row: pd.Series) -> tuple[str, Cell]:
     shown = row["total" if metric in _SUMMED else "max" if metric in _LARGEST else "mean"]
     verdict = [] if metric not in _BOUNDED else ["good" if shown <= _BOUNDED[metric] else "bad"]
     text = f"{shown:.0f}" if metric in _SUMMED else f"{shown:.2f}"
-    return metric.replace("_", " ").capitalize(), Cell(text, "number", *verdict)
+    return metric.replace("_", " ").capitalize(), number(text, *verdict)

@@ -51,7 +51,6 @@ def saved_figure(
     Args:
         path: `.svg` or `.png`.
         width_in: width in inches (100 pixels each in a browser).
-        height_in: height in inches.
         columns: axes side by side.
     """
     with matplotlib.rc_context(_SETTINGS):

@@ -12,16 +12,11 @@ from drapeline.metrics.metric import LARGER
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.table import ALL, read_metrics, with_intervals
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, write_table
 
 MEAN_OF_TYPES = "Mean of types"
-_HEADINGS = {
-    "variant": "Model",
-    "garment": "Garment",
-    "metric": "Measure",
-    "source": "Samples",
-}
+_HEADINGS = {"variant": "Model", "garment": "Garment", "metric": "Measure", "source": "Samples"}
 _PRINTED = Schema(
     "numbers that a paper prints",
     {
@@ -48,7 +43,6 @@ def read_test_metrics(path: str | Path, models: Sequence[str] = ()) -> Table:
     """The test split of a table of metrics, a row for each value with its interval.
 
     Args:
-        path: of the table.
         models: the rows' models; by default all.
 
     Raises:
@@ -93,7 +87,6 @@ class MetricTable:
     Attributes:
         variants: of the rows, in order; a name that ends in `*` stands for all that begin like it,
             by rising number.
-        metrics: shown.
         garments: likewise; "all" for all types together.
         down: what the rows are: of "variant", "garment", "metric" and "source".
         across: what the columns are: "metric", "garment" or "source", which is the cloth solver.
@@ -176,10 +169,10 @@ class MetricTable:
         measured = {getattr(row, self.across): row for row in part.itertuples()}
         for name in shown:
             row = measured.get(name)
-            cells[self._title(self.across, name)] = self._cell(row) if row else Cell("-", "number")
+            cells[self._title(self.across, name)] = self._cell(row) if row else number("-")
         if self.count:
             counts = {name: int(row.n) for name, row in measured.items()}
-            cells[self.count] = Cell(self._count(counts, shown), "number")
+            cells[self.count] = number(self._count(counts, shown))
         return cells
 
     def _count(self, counts: Mapping[str, int], shown: Sequence[str]) -> str:
@@ -195,13 +188,13 @@ class MetricTable:
         shown = metric(row.metric)
         shown = shown._replace(digits=self.digits.get(row.metric, shown.digits))
         ends = [] if pd.isna(row.low) or pd.isna(row.high) else [row.low, row.high]
-        return Cell(shown.text(row.value, *ends), "number", *(["good"] if row.leads else []))
+        return number(shown.text(row.value, *ends), *(["good"] if row.leads else []))
 
     def _printed_numbers(self, part: Table, shown: Sequence[str]) -> dict[str, object]:
         texts = {getattr(row, self.across): f"{row.value:g}" for row in part.itertuples()}
         return {
-            f"{self._title(self.across, name)}, {self.paper}": Cell(
-                texts.get(name, "-"), "number", "theirs"
+            f"{self._title(self.across, name)}, {self.paper}": number(
+                texts.get(name, "-"), "theirs"
             )
             for name in shown
         }
@@ -211,7 +204,6 @@ class Section(NamedTuple):
     """A part of a page.
 
     Attributes:
-        title: heading.
         table: of the metrics, or what makes the rows of one.
         about: paragraph between heading and table, or nothing.
         below: paragraph below the table, or nothing.
@@ -248,15 +240,7 @@ class Section(NamedTuple):
 def write_sections(
     path: str | Path, title: str, about: Iterable[str], sections: Iterable[Section], measured: Table
 ) -> None:
-    """Write a page of metrics: paragraphs, then sections.
-
-    Args:
-        path: the HTML page.
-        title: of the page.
-        about: paragraphs.
-        sections: in order.
-        measured: rows of the test split, see `read_test_metrics`.
-    """
+    """Write a page of what `read_test_metrics` reads: paragraphs, then sections."""
     paragraphs = (f"<p>{text}</p>" for text in about)
     write_page(path, title, *paragraphs, *(section.html(measured) for section in sections))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.report.colours import BLUE, GREEN, ORANGE
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import html_table, number, write_page
 from drapeline.report.style import label_bar, saved_figure, show_message
 from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
 
@@ -98,13 +98,13 @@ def write_times(jobs: Table, *, figure: str | Path, table: str | Path, page: str
     shown = [
         {
             "Rule": row["rule"],
-            "Jobs": Cell(row["jobs"], "number"),
+            "Jobs": number(row["jobs"]),
             **{
-                heading: Cell(duration(row[name]), "number", order=row[name])
+                heading: number(duration(row[name]), order=row[name])
                 for name, heading in headings.items()
             },
-            "Peak memory (MB)": Cell(
-                "" if np.isnan(row["peak_memory_mb"]) else f"{row['peak_memory_mb']:.0f}", "number"
+            "Peak memory (MB)": number(
+                "" if np.isnan(row["peak_memory_mb"]) else f"{row['peak_memory_mb']:.0f}"
             ),
         }
         for row in times.to_dict("records")

@@ -1,4 +1,4 @@
-"""What holds a garment: waistbands that follow the body, elastics that gather an end."""
+"""Holds of garments: waistbands that follow the body, elastics that gather an end."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,17 +34,15 @@ class Carrier:
         )
 
     def __call__(self, body: np.ndarray) -> np.ndarray:
-        """Where the points (P, 3) are when the body is at `body` (V, 3)."""
+        """Places of the points (P, 3) when the body is at `body` (V, 3)."""
         sums = (self._sums @ body.astype(np.float64)).reshape(-1, 4, 3)
         return (self._arm @ nearest_rotations(sums[:, :3]))[:, 0] + sums[:, 3]
 
 
 class Pins:
-    """Vertices of a garment that are held where the body carries them, such as a waistband's.
+    """Vertices (P,) of a garment that are held where the body carries them, as at a waistband.
 
-    Attributes:
-        vertices: (P,) int, numbers of the garment's vertices.
-        weights: (P,) 0-1, how firmly each is held.
+    How firmly each is held is its weight (P,), 0-1.
     """
 
     def __init__(self, weights: np.ndarray, garment: np.ndarray, body: MovingBody) -> None:
@@ -59,19 +57,14 @@ class Pins:
         )
 
     def positions(self, frame: int) -> np.ndarray:
-        """Where they are held in a frame, world (P, 3) metres."""
+        """Places that they are held at in a frame, world (P, 3) metres."""
         if self._carrier is None:
             return np.zeros((0, 3))
         return self._carrier(self._body.frame(frame))
 
 
 def elastic_shrinkage(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    elastic: np.ndarray,
-    body: np.ndarray,
-    *,
-    gap_m: float,
+    vertices: np.ndarray, faces: np.ndarray, elastic: np.ndarray, body: np.ndarray, *, gap_m: float
 ) -> np.ndarray:
     """Share (V,) by which rest lengths shrink so that elastic bands lie on the body.
 

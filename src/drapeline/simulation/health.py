@@ -21,17 +21,11 @@ _NEAR_M = 0.04
 
 @dataclass(frozen=True)
 class HealthGarment:
-    """A garment as health sees it.
-
-    Attributes:
-        name: of the garment.
-        faces: (F, 4) or (F, 3).
-        rest_lengths_m: (E,) of `mesh.edges(faces)`; NaN for edges that are not watched.
-    """
+    """A garment as health sees it."""
 
     name: str
-    faces: np.ndarray
-    rest_lengths_m: np.ndarray
+    faces: np.ndarray  # (F, 4) or (F, 3)
+    rest_lengths_m: np.ndarray  # (E,) of `mesh.edges(faces)`; NaN for edges that are not watched
 
 
 def watch(garment: Garment) -> HealthGarment:
@@ -64,14 +58,11 @@ class HealthMonitor:
         return len(self._rows)
 
     def add(self, cloths: Sequence[np.ndarray], body: np.ndarray) -> dict[str, list[float]]:
-        """Measure one frame.
+        """Measure one frame: measure -> one value per garment.
 
         Args:
             cloths: (V, 3) metres, root-relative, one per garment.
             body: (B, 3) in the same frame.
-
-        Returns:
-            Measure -> one value per garment.
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
@@ -166,11 +157,7 @@ def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) ->
     ways = cloth[start] - cloth[end]
     ratio = np.sqrt(np.einsum("ei,ei->e", ways, ways)) / rest_lengths_m
     low, middle, high = np.percentile(ratio, [1, 50, 99]) if len(ratio) else 3 * [np.nan]
-    return {
-        "stretch_p01": float(low),
-        "stretch_p50": float(middle),
-        "stretch_p99": float(high),
-    }
+    return {"stretch_p01": float(low), "stretch_p50": float(middle), "stretch_p99": float(high)}
 
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
@@ -200,12 +187,7 @@ def _mean_over_frames(values: np.ndarray) -> np.ndarray:
 def inevitable_violations(
     arrays: Mapping[str, np.ndarray], bounds: HealthBounds, frames: int
 ) -> list[str]:
-    """What will be out of bounds at the end, even if every frame to come is without fault.
-
-    Args:
-        arrays: of the frames so far, (n, garments) each.
-        frames: of the whole sequence.
-    """
+    """Violations after so many frames even if all that are to come are without fault."""
     missing = ((0, frames - len(arrays["inside_share"])), (0, 0))
     best = {
         name: np.pad(arrays[name], missing)

@@ -1,10 +1,10 @@
-"""What a user may choose about simulations."""
+"""Settings of simulations."""
 
 from drapeline.settings import Field, Settings
 
 
 class SimulationSettings(Settings):
-    """How cloth is simulated."""
+    """Simulation of cloth."""
 
     steps_min: int = Field(
         14, ge=1, le=80, description="Solver steps per frame for the simplest outfits."

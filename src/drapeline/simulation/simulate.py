@@ -91,11 +91,9 @@ def body_frames(
 ) -> Iterator[np.ndarray]:
     """World vertices (V, 3) of every simulated frame, transitions first.
 
-    Frame 0 is the body that the garments were made for, in rest pose. Over `shape_frames` it
-    takes the wearer's shape, over `pose_frames` the sequence's first pose; the sequence follows.
-
-    Args:
-        garment_shape: (10,) shape plus tightness.
+    Frame 0 is the body that the garments were made for, of shape plus tightness (10,), in rest
+    pose. Over `shape_frames` it takes the wearer's shape, over `pose_frames` the sequence's first
+    pose; the sequence follows.
     """
     poses, path = _transition(record, pose_frames)
     rest = [
@@ -138,15 +136,10 @@ def rising_floor(lowest_m: np.ndarray, cloth_m: float, count: int) -> np.ndarray
 
 
 def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -> np.ndarray:
-    """Where points of the body at rest, or on it, are in frame 0.
+    """(P, 3) float32 world metres in frame 0 of points of the body at rest, or on it.
 
     Args:
         points: (P, 3) metres, relative to the root joint, in the rest pose.
-        record: the body in motion.
-        pose_frames: of the transition.
-
-    Returns:
-        (P, 3) float32 metres in the world.
     """
     poses, path = _transition(record, pose_frames)
     root, rest = (Rotation.from_rotvec(np.array(pose[:3])) for pose in (poses[0], REST_POSE))
@@ -165,17 +158,11 @@ LOGGER = logging.getLogger("drapeline")
 
 @dataclass(frozen=True)
 class DressedBody:
-    """Whom and what is simulated.
-
-    Attributes:
-        body: the body model of the wearer's gender.
-        motion: the wearer's shape and poses, free of self-collisions.
-        outfit: garments in rest pose, root-relative, from inner to outer.
-    """
+    """Whom and what is simulated."""
 
     body: BodyModel
-    motion: BodySequence
-    outfit: Outfit
+    motion: BodySequence  # the wearer's shape and poses, free of self-collisions
+    outfit: Outfit  # garments in rest pose, root-relative, from inner to outer
 
     @property
     def faces(self) -> np.ndarray:
@@ -191,16 +178,12 @@ class DressedBody:
 
 
 class Judged(NamedTuple):
-    """What became of a simulation.
+    """Verdict on a simulation."""
 
-    Attributes:
-        status: "accepted", "rejected" or "failed", its `reason`, and how it was made: solver,
-            attempts, times, versions, fabrics.
-        folder: with `{Garment}.f32` and `health.npz` of the last attempt.
-    """
-
+    # "accepted", "rejected" or "failed", its `reason`, and how it was made: solver, attempts,
+    # times, versions, fabrics.
     status: dict[str, Any]
-    folder: Path
+    folder: Path  # with `{Garment}.f32` and `health.npz` of the last attempt
 
     @property
     def accepted(self) -> bool:
@@ -222,13 +205,6 @@ def simulate_outfit(
     `health.npz` if accepted, and `status.json` in any case. An attempt out of bounds is repeated
     with finer steps, slower transitions and the whole body to collide with, up to
     `settings.attempts`.
-
-    Args:
-        output_dir: folder to make.
-        dressed: whom and what.
-        solver: moves the cloth.
-        settings: of the attempts.
-        bounds: what an accepted sample holds.
 
     Returns:
         What `status.json` holds: see `Judged.status`.
@@ -259,10 +235,6 @@ def measure_outfit(
     that intersects itself there is no attempt, and only the last is written.
 
     Args:
-        output_dir: folder to make.
-        dressed: whom and what.
-        solver: moves the cloth.
-        settings: of the attempts.
         number: 0 for the first attempt, see `plan_attempt`.
         bounds: those that nothing to come can bring the sample back into end the attempt.
 
@@ -442,7 +414,7 @@ def _simulate(
 
 
 def _fabric(garment: Garment) -> Fabric:
-    name = garment.about["fabric"]
+    name = garment.attributes["fabric"]
     if name not in FABRICS:
         raise InputError(f"{garment.name} is of {name!r:.60}, expected {' or '.join(FABRICS)}")
     return FABRICS[name]

@@ -1,4 +1,4 @@
-"""What a cloth solver is given, how finely it is asked to work, and what it gives back."""
+"""Contract of cloth solvers: what they are given, how finely they work, and what they give back."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -96,8 +96,6 @@ class ClothGarment:
         name: of its type, unique within an outfit.
         vertices: (V, 3) float32 world metres; lengths and angles at rest are those between them.
         faces: (F, 4) or (F, 3) int32, outward.
-        edge_length_m: mean length of its edges.
-        fabric: what it is made of.
         shrink: (V,) 0-1, share by which elastics shorten the rest lengths at a vertex.
         pins: vertices that are held, none where nothing but friction holds the garment.
     """
@@ -134,11 +132,7 @@ class ClothSolver(Protocol):
         ...
 
     def simulate(
-        self,
-        garments: Sequence[ClothGarment],
-        body: MovingBody,
-        attempt: Attempt,
-        scratch: Path,
+        self, garments: Sequence[ClothGarment], body: MovingBody, attempt: Attempt, scratch: Path
     ) -> Iterator[Sequence[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment, world metres, for each frame of the body.
 

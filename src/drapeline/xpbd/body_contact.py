@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
+from drapeline.geometry.lanes import LaneInts, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.contact import ROUNDED, SHARE_OF_ROOM, pushed_out
+from drapeline.xpbd.contact import ROUNDED, SHARE_OF_CLEARANCE, pushed_out
 from drapeline.xpbd.lanes import look_in_lanes, search_in_lanes
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
@@ -102,7 +102,7 @@ def _choose_reaches(
 
 
 @wp.kernel
-def search_in_turn(
+def search_one_per_thread(
     meshes: wp.array(dtype=wp.uint64),  # of each limb, and of the whole body
     homes: wp.array(dtype=int),
     place: wp.array(dtype=wp.vec3),
@@ -210,7 +210,7 @@ def _aim(
     points: wp.array(dtype=wp.vec3),
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
-    room: float,
+    clearance: float,
     starts: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
@@ -222,11 +222,11 @@ def _aim(
         face = faces[anchor[i]]
         ways[i] = wp.normalize(_face_normal(points, face))
         starts[i] = _blend(points, face, weights[i]) + ways[i] * _SKIN
-        reaches[i] = room
+        reaches[i] = clearance
 
 
 @wp.kernel
-def look_in_turn(
+def look_one_per_thread(
     whole: wp.uint64,
     starts: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),
@@ -245,7 +245,7 @@ def look_in_turn(
 
 
 @wp.kernel
-def _measure_room(
+def _measure_clearance(
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
@@ -257,18 +257,18 @@ def _measure_room(
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
     to_normal: wp.array(dtype=wp.vec3),
-    room: wp.array(dtype=wp.vec2),  # at both ends of the frame
+    clearance: wp.array(dtype=wp.vec2),  # at both ends of the frame
 ):
-    """How far above each anchor the body faces itself, along the anchor's normal."""
+    """Distances above the anchors at which the body faces itself, along the anchors' normals."""
     i = wp.tid()
-    room[i] = wp.vec2(_FAR, _FAR)
+    clearance[i] = wp.vec2(_FAR, _FAR)
     if facing[i] < 0:
         return
     face = faces[facing[i]]
     if wp.dot(_face_normal(points, face), ways[i]) < 0.0:
         first = _blend(start, face, facing_weights[i]) - from_place[i]
         last = _blend(end, face, facing_weights[i]) - to_place[i]
-        room[i] = wp.vec2(
+        clearance[i] = wp.vec2(
             wp.max(wp.dot(first, wp.normalize(from_normal[i])), 0.0),
             wp.max(wp.dot(last, wp.normalize(to_normal[i])), 0.0),
         )
@@ -281,7 +281,7 @@ def touch_body(
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
     to_normal: wp.array(dtype=wp.vec3),
-    room: wp.array(dtype=wp.vec2),
+    clearance: wp.array(dtype=wp.vec2),
     clock: wp.array(dtype=float),
     carry: wp.array(dtype=wp.vec3),
     gap: float,
@@ -301,15 +301,15 @@ def touch_body(
     p = place[i]
     # Most cloth has room, and is higher above the body: `up`, a mean of unit vectors, is not longer
     # than 1.
-    if wp.dot(p - here, up) > ROUNDED * gap and wp.min(room[i][0], room[i][1]) >= _FAR:
+    if wp.dot(p - here, up) > ROUNDED * gap and wp.min(clearance[i][0], clearance[i][1]) >= _FAR:
         return
     normal = wp.normalize(up)
     o = before[i]
     there = from_place[i] + way * clock[0] + carry[0]
     height = wp.dot(p - here, normal)
-    free = room[i][0] + (room[i][1] - room[i][0]) * clock[1]
+    free = clearance[i][0] + (clearance[i][1] - clearance[i][0]) * clock[1]
     # Another sheet may lie on the other side, and needs as much room as this one.
-    least = wp.min(gap, SHARE_OF_ROOM * free)
+    least = wp.min(gap, SHARE_OF_CLEARANCE * free)
     most = wp.max(free - 2.0 * gap, 0.5 * free)
     depth = least - height
     over = height - most
@@ -336,11 +336,11 @@ class BodySurface:
     Args:
         body: what the cloth collides with.
         garments: vertices (V, 3) of each garment in frame 0.
-        together: whether each vertex is searched by itself, as on a GPU, not in patches.
+        parallel: whether each vertex is searched by itself, as on a GPU, not in patches.
     """
 
     def __init__(
-        self, body: MovingBody, garments: Sequence[np.ndarray], *, together: bool = False
+        self, body: MovingBody, garments: Sequence[np.ndarray], *, parallel: bool = False
     ) -> None:
         vertices, count = body.frame(0), sum(map(len, garments))
         flat = np.ascontiguousarray(body.faces, dtype=np.int32)
@@ -367,9 +367,9 @@ class BodySurface:
             )
         )
         self._patches = None
-        if not together:
+        if not parallel:
             patches = repeat_first(make_patches(np.concatenate(garments), homes))
-            self._patches = wp.array(patches, dtype=INDICES)
+            self._patches = wp.array(patches, dtype=LaneInts)
         self._reaches, self._again = (wp.zeros(count, dtype=float) for _ in range(2))
         self._on_part, self._found = (wp.zeros(count, dtype=int) for _ in range(2))
         self._found_weights = _vectors(count)
@@ -379,7 +379,7 @@ class BodySurface:
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
         )
-        self.room = wp.zeros(count, dtype=wp.vec2)
+        self.clearance = wp.zeros(count, dtype=wp.vec2)
 
     def _index(self, faces: np.ndarray) -> wp.Mesh:
         """Some of the faces (F', 3) for queries; one far away if there are none."""
@@ -442,7 +442,7 @@ class BodySurface:
         )
         if self._patches is None:
             inputs = [self._ids, self._homes, place, reach_m, self._reaches]
-            wp.launch(search_in_turn, dim=count, inputs=inputs, outputs=found)
+            wp.launch(search_one_per_thread, dim=count, inputs=inputs, outputs=found)
         else:
             inputs = [self._ids, self._homes, self._patches, place, reach_m, self._reaches]
             wp.launch(
@@ -459,33 +459,30 @@ class BodySurface:
                 *(self._faces, self._points, self._start, self._end),
                 *(self._start_normals, self._end_normals, clock, place, self._reaches, *found),
             ],
-            outputs=[
-                *known,
-                *(self.from_place, self.to_place, self.from_normal, self.to_normal),
-            ],
+            outputs=[*known, *(self.from_place, self.to_place, self.from_normal, self.to_normal)],
         )
 
-    def find_room(self, room_m: float) -> None:
-        """Find where the body faces itself within `room_m` of the anchors, as a frame begins."""
+    def find_clearance(self, clearance_m: float) -> None:
+        """Find clearances up to `clearance_m` above the anchors, as a frame begins."""
         count, surface = len(self.anchor), [self._faces, self._points]
         rays = [self._starts, self._ways, self._reaches]
         facing = [self._found, self._found_weights]
         known = [self.anchor, self._weights]
-        wp.launch(_aim, dim=count, inputs=[*surface, *known, room_m], outputs=rays)
+        wp.launch(_aim, dim=count, inputs=[*surface, *known, clearance_m], outputs=rays)
         whole = self._meshes[-1].id
         if self._patches is None:
-            wp.launch(look_in_turn, dim=count, inputs=[whole, *rays], outputs=facing)
+            wp.launch(look_one_per_thread, dim=count, inputs=[whole, *rays], outputs=facing)
         else:
             inputs = [whole, self._patches, *rays]
             wp.launch(look_in_lanes, dim=len(self._patches), inputs=inputs, outputs=facing)
         wp.launch(
-            _measure_room,
+            _measure_clearance,
             dim=count,
             inputs=[
                 *(*surface, self._start, self._end, self._ways, *facing),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
-            outputs=[self.room],
+            outputs=[self.clearance],
         )
 
 

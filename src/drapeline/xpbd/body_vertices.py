@@ -7,7 +7,7 @@ through.
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
+from drapeline.geometry.lanes import LaneInts, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import ROUNDED, Moves, held_slip, move
@@ -44,7 +44,7 @@ def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp
 
 
 @wp.kernel
-def find_covers_in_turn(
+def find_covers_one_per_thread(
     tree: wp.uint64,
     place: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.vec3i),
@@ -86,7 +86,7 @@ def _stand(
     to_place: wp.array(dtype=wp.vec3),
     up: wp.array(dtype=wp.vec3),
 ):
-    """Where some vertices of the body are at both ends of a frame, and their normals."""
+    """Places of some vertices of the body at both ends of a frame, and their normals."""
     i = wp.tid()
     from_place[i] = start[vertices[i]]
     to_place[i] = end[vertices[i]]
@@ -94,7 +94,7 @@ def _stand(
 
 
 @wp.kernel
-def lift_covers(
+def push_off_body_vertices(
     busy: wp.array(dtype=int),  # which of the body's vertices are covered
     count: wp.array(dtype=int),
     covers: wp.array2d(dtype=int),
@@ -151,26 +151,26 @@ def lift_covers(
 
 
 class CoveredVertices:
-    """Which triangles of the cloth are over each vertex of the body, hands left out.
+    """Triangles of the cloth over each vertex of the body, hands left out.
 
     Args:
         body: its vertices (B, 3) at first; those without a face are left out.
         cloth: whose faces cover them.
-        together: whether each vertex is looked up by itself, as on a GPU, not in patches.
+        parallel: whether each vertex is looked up by itself, as on a GPU, not in patches.
     """
 
-    def __init__(self, body: MovingBody, cloth: NearTriangles, *, together: bool = False) -> None:
+    def __init__(self, body: MovingBody, cloth: NearTriangles, *, parallel: bool = False) -> None:
         segments, faces = body.segments, body.faces
         self._cloth = cloth
         used = np.unique(faces)
         chosen = used[hand_numbers(used[:, None], segments) == 0].astype(np.int32)
         self._vertices = wp.array(chosen, dtype=int)
-        self._kernel, self._searches, self._patches = find_covers_in_turn, len(chosen), []
-        if not together:
+        self._kernel, self._searches, self._patches = find_covers_one_per_thread, len(chosen), []
+        if not parallel:
             patches = make_patches(body.frame(0)[chosen], segments[chosen])
             self._kernel, self._searches = find_covers_in_lanes, len(patches)
             self._patches = [
-                wp.array(repeat_first(patches), dtype=INDICES),
+                wp.array(repeat_first(patches), dtype=LaneInts),
                 wp.array((patches >= 0).sum(axis=1), dtype=int),
             ]
         self.count = wp.zeros(len(chosen), dtype=int)
@@ -180,11 +180,7 @@ class CoveredVertices:
         )
 
     def find(
-        self,
-        place: wp.array,
-        body: tuple[wp.array, wp.array, wp.array],
-        *,
-        margin_m: float,
+        self, place: wp.array, body: tuple[wp.array, wp.array, wp.array], *, margin_m: float
     ) -> None:
         """Find them for a frame that begins.
 

@@ -3,13 +3,7 @@
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import (
-    INDICES,
-    NUMBERS,
-    lay_in_lanes,
-    make_patches,
-    repeat_first,
-)
+from drapeline.geometry.lanes import LaneFloats, LaneInts, lay_in_lanes, make_patches, repeat_first
 from drapeline.xpbd.contact import Moves, held_slip, move, narrowed
 from drapeline.xpbd.lanes import ASIDE, SMALLEST_M4, find_near_in_lanes
 
@@ -67,7 +61,7 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
 
 
 @wp.kernel
-def find_near_in_turn(
+def find_near_one_per_thread(
     rest: wp.array(dtype=wp.vec3),
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
@@ -132,7 +126,7 @@ def touch_cloth(
     triangles: wp.array(dtype=wp.vec3i),
     layers: wp.array(dtype=int),
     inverse_mass: wp.array(dtype=float),
-    room: wp.array(dtype=wp.vec2),
+    clearance: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
     release: float,
@@ -161,7 +155,7 @@ def touch_cloth(
         gap = own_gap
         if layers[i] != layers[c[0]]:
             gap = layer_gap
-        gap = narrowed(gap, room[i])
+        gap = narrowed(gap, clearance[i])
         if (height < 0.0 or height * height < gap * gap * square) and square > 1.0e-18:
             bb = wp.dot(ab, ab)
             cc = wp.dot(ac, ac)
@@ -197,14 +191,14 @@ def touch_cloth(
 
 
 class NearTriangles:
-    """Which triangles of the cloth each of its vertices is near to, and on which side.
+    """Triangles of the cloth that each of its vertices is near to, and on which side.
 
     Args:
         rest: (V, 3) vertices at rest.
         triangles: (F, 3); halves of a quad follow one another if `halves` is 2.
         layers: (V,) number of each vertex's garment.
         halves: triangles per face.
-        together: whether each vertex is looked up by itself, as on a GPU, not in patches.
+        parallel: whether each vertex is looked up by itself, as on a GPU, not in patches.
 
     Attributes:
         triangles, halves: as given.
@@ -219,7 +213,7 @@ class NearTriangles:
         layers: wp.array,
         halves: int,
         *,
-        together: bool = False,
+        parallel: bool = False,
     ) -> None:
         self.triangles, self._layers, self.halves = triangles, layers, halves
         faces = len(triangles) // halves
@@ -229,15 +223,15 @@ class NearTriangles:
         low, high = self._lower.numpy(), self._upper.numpy()
         self._centres = wp.array((low + high) / 2, dtype=wp.vec3)
         self._radii = wp.array(_ROUNDED * np.linalg.norm(high - low, axis=1) / 2, dtype=float)
-        if together:
-            self._kernel, self._searches, self._rest = find_near_in_turn, len(rest), [rest]
+        if parallel:
+            self._kernel, self._searches, self._rest = find_near_one_per_thread, len(rest), [rest]
         else:
             patches = make_patches(rest.numpy(), layers.numpy())
             self._kernel, self._searches = find_near_in_lanes, len(patches)
             self._rest = [
-                wp.array(repeat_first(patches), dtype=INDICES),
+                wp.array(repeat_first(patches), dtype=LaneInts),
                 wp.array((patches >= 0).sum(axis=1), dtype=int),
-                wp.array(lay_in_lanes(rest.numpy(), patches), dtype=NUMBERS),
+                wp.array(lay_in_lanes(rest.numpy(), patches), dtype=LaneFloats),
             ]
         self._sums = wp.zeros(len(rest), dtype=wp.vec2)
         self.count = wp.zeros(len(rest), dtype=int)
@@ -262,7 +256,7 @@ class NearTriangles:
         )
 
     def relative_way_m(self, last: wp.array, place: wp.array) -> float:
-        """How far vertices went past triangles that they are near to, as a root mean square."""
+        """Way of vertices past triangles that they are near to, as a root mean square."""
         wp.launch(
             _sum_relative_ways,
             dim=len(place),

@@ -1,4 +1,4 @@
-"""What all contacts share: how old depth is taken away, friction, the floor, and moves of vertices.
+"""Common ground of all contacts: release of old depth, friction, floor, and moves of vertices.
 
 Contacts move vertices one after the other on a processor, all at once on a GPU.
 """
@@ -9,13 +9,13 @@ wp.set_module_options({"enable_backward": False})
 
 # Where the body faces itself, in a crease or beneath an arm, there are two sheets of cloth. They
 # divide the room between them and the body, rather than press each other into it.
-SHARE_OF_ROOM = wp.constant(1.0 / 3.0)
+SHARE_OF_CLEARANCE = wp.constant(1.0 / 3.0)
 ROUNDED = wp.constant(1.001)  # so that nothing that is near is too far, whatever is rounded
 
 
 @wp.func
 def held_slip(slip: wp.vec3, up: wp.vec3, most: float):
-    """What friction takes back of a slip past a surface: its part along it, `most` at most."""
+    """Part of a slip past a surface that friction takes back: along it, and `most` at most."""
     along = slip - up * wp.dot(slip, up)
     length = wp.length(along)
     if length > most:
@@ -57,14 +57,9 @@ def pushed_out(
 
 
 @wp.func
-def narrowed(gap: float, room: wp.vec2):
-    """What is left of a gap between sheets of cloth where the body faces itself.
-
-    Args:
-        gap: metres.
-        room: from the body to itself, at both ends of the frame.
-    """
-    return wp.min(gap, SHARE_OF_ROOM * wp.min(room[0], room[1]))
+def narrowed(gap: float, clearance: wp.vec2):
+    """Gap that is left between sheets where the body faces itself at a frame's two ends."""
+    return wp.min(gap, SHARE_OF_CLEARANCE * wp.min(clearance[0], clearance[1]))
 
 
 @wp.kernel
@@ -103,7 +98,7 @@ _PER_WEIGHT = wp.constant(float(2**16))
 
 @wp.struct
 class Moves:
-    """What contacts that act at once add up to; without vertices where they act in turn.
+    """Sums of what contacts do that act at once; without vertices where they act in turn.
 
     Attributes:
         place, before: (V, 3) of the ways of each vertex, and of the place that it came from.

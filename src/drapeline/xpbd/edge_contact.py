@@ -94,7 +94,7 @@ def touch_edges(
     edges: wp.array(dtype=wp.vec2i),
     layers: wp.array(dtype=int),
     inverse_mass: wp.array(dtype=float),
-    room: wp.array(dtype=wp.vec2),
+    clearance: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
     release: float,
@@ -123,7 +123,7 @@ def touch_edges(
         if layers[i] != layers[a]:
             gap = layer_gap
         # Vertices so close to one another have much the same room.
-        gap = narrowed(gap, room[i])
+        gap = narrowed(gap, clearance[i])
         normal = wp.cross(d, e)
         square = wp.length_sq(normal)
         height = wp.dot(p - q, normal) * side
@@ -153,11 +153,9 @@ def touch_edges(
 
 
 class NearEdges:
-    """Which other edges each edge of the cloth is near to, and on which side.
+    """Other edges that each edge (E, 2), no diagonal, of cloth is near to, and on which side.
 
-    Args:
-        edges: (E, 2) of the cloth, without diagonals.
-        triangle_edges: (F, 3) number of each triangle's edges, -1 for a diagonal.
+    `triangle_edges` (F, 3) are the numbers of each triangle's edges, -1 for a diagonal.
     """
 
     def __init__(self, edges: wp.array, triangle_edges: wp.array) -> None:
@@ -194,7 +192,7 @@ class NearEdges:
 
 
 def edges_of_triangles(pairs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which of the edges `pairs` (E, 2), in lexical order, triangles have: (F, 3), -1 for none."""
+    """Numbers (F, 3) of triangles' edges among `pairs` (E, 2) in lexical order, -1 for none."""
     all_pairs, which = face_edges(triangles)
     base = int(triangles.max()) + 1
     known, wanted = (p[:, 0].astype(np.int64) * base + p[:, 1] for p in (pairs, all_pairs))
@@ -353,12 +351,7 @@ def untangle(
 
 
 class Crossings:
-    """Which triangles the edges of the cloth pass through.
-
-    Args:
-        edges: (E, 2) of the cloth, without diagonals.
-        triangles: (F, 3).
-    """
+    """Triangles (F, 3) of the cloth that its edges (E, 2), no diagonals, pass through."""
 
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
         self._edges, self._triangles = edges, triangles

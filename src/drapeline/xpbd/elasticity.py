@@ -1,4 +1,4 @@
-"""What cloth resists: springs along threads and diagonals, and hinges that bend."""
+"""Resistance of cloth: springs along threads and diagonals, and hinges that bend."""
 
 from dataclasses import dataclass
 
@@ -46,21 +46,15 @@ class Hinges:
 
     The normal is along the cross product of the way from the first vertex to the second and that
     from the third to the fourth.
-
-    Attributes:
-        vertices: (H, 4) int, numbers of vertices.
-        weights: (H, 4), sums of zero.
-        lengths_m: (H,) of the weighted sums along the normals, at rest; less than 0 where the cloth
-            is bent against them.
-        stiffness_n_m: (H,) force per length.
-        damping_kg_s: (H,) force per rate.
     """
 
-    vertices: np.ndarray
-    weights: np.ndarray
+    vertices: np.ndarray  # (H, 4) int, numbers of vertices
+    weights: np.ndarray  # (H, 4), sums of zero
+    # (H,) of the weighted sums along the normals, at rest; less than 0 where the cloth is bent
+    # against them.
     lengths_m: np.ndarray
-    stiffness_n_m: np.ndarray
-    damping_kg_s: np.ndarray
+    stiffness_n_m: np.ndarray  # (H,) force per length
+    damping_kg_s: np.ndarray  # (H,) force per rate
 
 
 def make_springs(
@@ -140,13 +134,12 @@ def _hinge_normals(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _thread_hinges(
     vertices: np.ndarray, quads: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hinges of three vertices in a row, and one beside the middle: first, last, middle, beside.
+    """Corners (H, 4), weights (H, 4) and area / length^4 (H,) of hinges along threads.
+
+    A hinge is of three vertices in a row, and one beside the middle.
 
     Where rows turn within the cloth, the weights take out what the second difference has in its
     plane.
-
-    Returns:
-        Corners (H, 4), weights (H, 4), area / length^4 (H,).
     """
     first, middle, last, beside = _rows_of_three(vertices, quads).T
     ways = [vertices[end] - vertices[middle] for end in (first, last, beside)]
@@ -277,10 +270,9 @@ def hinge_numbers(hinges: Hinges, inverse_masses: np.ndarray, step_s: float) -> 
 def _responses(
     constraints: Springs | Hinges, masses: np.ndarray, step_s: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compliance, damping and ease of constraints (Macklin et al. 2016, "XPBD", eq. 18 and 26).
+    """Compliance, damping and ease of constraints by the inverse masses (C,) that they act on.
 
-    Args:
-        masses: (C,) sums of inverse masses that they act on.
+    Macklin et al. 2016, "XPBD", equations 18 and 26.
     """
     compliance = 1 / constraints.stiffness_n_m
     damping = compliance * constraints.damping_kg_s / step_s

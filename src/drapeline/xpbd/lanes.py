@@ -8,7 +8,7 @@ refuse the file, so that no kernel for one may stand here.
 
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, NUMBERS, lane_code, near_code
+from drapeline.geometry.lanes import LaneFloats, LaneInts, lane_code, near_code
 from drapeline.geometry.surface_lanes import closest_in_lanes, hits_in_lanes
 from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
 
@@ -19,7 +19,7 @@ wp.set_module_options({"enable_backward": False})
 def search_in_lanes(
     meshes: wp.array(dtype=wp.uint64),
     homes: wp.array(dtype=int),
-    patches: wp.array(dtype=INDICES),  # of vertices that have the same home
+    patches: wp.array(dtype=LaneInts),  # of vertices that have the same home
     place: wp.array(dtype=wp.vec3),
     reach: float,
     reaches: wp.array(dtype=float),
@@ -28,7 +28,7 @@ def search_in_lanes(
     found: wp.array(dtype=int),
     found_weights: wp.array(dtype=wp.vec3),
 ):
-    """As `body_contact.search_in_turn`, for the vertices of a patch."""
+    """As `body_contact.search_one_per_thread`, for the vertices of a patch."""
     patch = wp.tid()
     vertices = patches[patch]
     home = homes[vertices[0]]
@@ -50,14 +50,14 @@ def search_in_lanes(
 @wp.kernel
 def look_in_lanes(
     whole: wp.uint64,
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     starts: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
     facing: wp.array(dtype=int),
     facing_weights: wp.array(dtype=wp.vec3),
 ):
-    """As `body_contact.look_in_turn`, for the rays of a patch."""
+    """As `body_contact.look_one_per_thread`, for the rays of a patch."""
     hits_in_lanes(whole, patches, wp.tid(), starts, ways, reaches, facing, facing_weights)
 
 
@@ -126,10 +126,10 @@ def _find_near(
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     patch: int,
     sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=NUMBERS),
+    rest: wp.array2d(dtype=LaneFloats),
     rest_centres: wp.array(dtype=wp.vec3),
     rest_radii: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
@@ -145,9 +145,9 @@ def _find_near(
 
 @wp.kernel
 def find_near_in_lanes(
-    patches: wp.array(dtype=INDICES),  # vertices of a garment; empty lanes repeat the first
+    patches: wp.array(dtype=LaneInts),  # vertices of a garment; empty lanes repeat the first
     sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=NUMBERS),
+    rest: wp.array2d(dtype=LaneFloats),
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
@@ -162,7 +162,7 @@ def find_near_in_lanes(
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),
 ):
-    """As `cloth_contact.find_near_in_turn`, for the vertices of a patch."""
+    """As `cloth_contact.find_near_one_per_thread`, for the vertices of a patch."""
     _find_near(
         tree,
         lower,
@@ -256,7 +256,7 @@ def _find_covers(
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=INDICES),
+    patches: wp.array(dtype=LaneInts),
     patch: int,
     sizes: wp.array(dtype=int),
     place: wp.array(dtype=wp.vec3),
@@ -273,7 +273,7 @@ def _find_covers(
 
 @wp.kernel
 def find_covers_in_lanes(
-    patches: wp.array(dtype=INDICES),  # of the `vertices`; empty lanes repeat the first
+    patches: wp.array(dtype=LaneInts),  # of the `vertices`; empty lanes repeat the first
     sizes: wp.array(dtype=int),
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
@@ -288,7 +288,7 @@ def find_covers_in_lanes(
     count: wp.array(dtype=int),
     covers: wp.array2d(dtype=int),
 ):
-    """As `body_vertices.find_covers_in_turn`, for the vertices of a patch."""
+    """As `body_vertices.find_covers_one_per_thread`, for the vertices of a patch."""
     _find_covers(
         tree,
         lower,
@@ -402,39 +402,39 @@ for (int k = 0; k < 4; ++k) {
 
 @wp.func_native(lane_code(_GATHER + _PULL, SHORTEST_M=SHORTEST_M))
 def _pull(
-    ends: wp.array2d(dtype=INDICES),
-    numbers: wp.array2d(dtype=NUMBERS),
+    ends: wp.array2d(dtype=LaneInts),
+    numbers: wp.array2d(dtype=LaneFloats),
     row: int,
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=NUMBERS),
-    lengths: wp.array(dtype=NUMBERS),
+    pull: wp.array(dtype=LaneFloats),
+    lengths: wp.array(dtype=LaneFloats),
     weighed: wp.array(dtype=wp.vec4),
 ): ...
 
 
 @wp.func_native(lane_code(_GATHER + _TURN, SMALLEST_M2=SMALLEST_M2, FLIPPED_M2=FLIPPED_M2))
 def _turn(
-    corners: wp.array2d(dtype=INDICES),
-    weights: wp.array2d(dtype=NUMBERS),
-    numbers: wp.array2d(dtype=NUMBERS),
+    corners: wp.array2d(dtype=LaneInts),
+    weights: wp.array2d(dtype=LaneFloats),
+    numbers: wp.array2d(dtype=LaneFloats),
     row: int,
-    turned: wp.array(dtype=NUMBERS),
+    turned: wp.array(dtype=LaneFloats),
     weighed: wp.array(dtype=wp.vec4),
 ): ...
 
 
 @wp.kernel
 def pull_springs_in_lanes(
-    ends: wp.array2d(dtype=INDICES),
-    numbers: wp.array2d(dtype=NUMBERS),
+    ends: wp.array2d(dtype=LaneInts),
+    numbers: wp.array2d(dtype=LaneFloats),
     first: int,  # row
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=NUMBERS),
-    lengths: wp.array(dtype=NUMBERS),
+    pull: wp.array(dtype=LaneFloats),
+    lengths: wp.array(dtype=LaneFloats),
     weighed: wp.array(dtype=wp.vec4),
 ):
     """As `elasticity.pull_springs`, for those of a row; an empty lane repeats a full one."""
@@ -444,11 +444,11 @@ def pull_springs_in_lanes(
 
 @wp.kernel
 def turn_hinges_in_lanes(
-    corners: wp.array2d(dtype=INDICES),
-    weights: wp.array2d(dtype=NUMBERS),
-    numbers: wp.array2d(dtype=NUMBERS),
+    corners: wp.array2d(dtype=LaneInts),
+    weights: wp.array2d(dtype=LaneFloats),
+    numbers: wp.array2d(dtype=LaneFloats),
     first: int,  # row
-    turned: wp.array(dtype=NUMBERS),
+    turned: wp.array(dtype=LaneFloats),
     weighed: wp.array(dtype=wp.vec4),
 ):
     """As `elasticity.turn_hinges`, for those of a row; an empty lane repeats a full one."""

@@ -43,7 +43,7 @@ def split_limbs(vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray) -
 
 
 def hand_numbers(faces: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """Which hand (F,) a face belongs to: 1 for the left, 2 for the right, 0 for none."""
+    """Number of the hand that each face (F,) belongs to: 1 left, 2 right, 0 for none."""
     number = np.array(
         [
             1 + name.startswith("right") if name.split("_")[-1] in _HAND else 0

@@ -1,4 +1,4 @@
-"""Where the rule `simulate_outfit` gets the fast cloth solver."""
+"""The fast cloth solver."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -12,7 +12,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import Attempt, ClothGarment, ClothSolver
-from drapeline.xpbd.stepping import MovingCloth, Numbers
+from drapeline.xpbd.stepping import MovingCloth, XpbdSettings
 
 
 def cloth_solver(threads: int, accelerator: str = "cpu") -> ClothSolver:
@@ -25,7 +25,7 @@ def cloth_solver(threads: int, accelerator: str = "cpu") -> ClothSolver:
         return XpbdCloth()
     start_warp()
     if wp.is_cuda_available():
-        return XpbdCloth(device="cuda", together=True)
+        return XpbdCloth(device="cuda", parallel=True)
     if accelerator == "gpu":
         raise InputError(
             "simulation.accelerator is gpu, but Warp finds no CUDA device, expected auto or cpu"
@@ -38,38 +38,34 @@ class XpbdCloth:
     """Small-step extended position-based dynamics as a `ClothSolver`.
 
     Attributes:
-        numbers: of the method, the same for all garments and attempts.
+        method: its settings, the same for all garments and attempts.
         device: Warp's, that the work is done on.
-        together: whether all constraints of a colour act at once, see `MovingCloth`; on a GPU they
+        parallel: whether all constraints of a colour act at once, see `MovingCloth`; on a GPU they
             always do.
     """
 
     name: ClassVar[str] = "xpbd"
 
-    numbers: Numbers = field(default_factory=Numbers)
+    method: XpbdSettings = field(default_factory=XpbdSettings)
     device: str = "cpu"
-    together: bool = False
+    parallel: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
         """All numbers of the method, and where and in which order it works."""
-        return {**asdict(self.numbers), "device": self.device, "together": self.together}
+        return {**asdict(self.method), "device": self.device, "parallel": self.parallel}
 
     def versions(self) -> dict[str, str]:
         """Warp's version."""
         return {"warp": wp.config.version}
 
     def simulate(
-        self,
-        garments: Sequence[ClothGarment],
-        body: MovingBody,
-        attempt: Attempt,
-        scratch: Path,
+        self, garments: Sequence[ClothGarment], body: MovingBody, attempt: Attempt, scratch: Path
     ) -> Iterator[list[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment for each frame; see `ClothSolver`."""
         start_warp()
         cloth = MovingCloth(
-            garments, body, attempt, self.numbers, device=self.device, together=self.together
+            garments, body, attempt, self.method, device=self.device, parallel=self.parallel
         )
         vertices = [garment.vertices for garment in garments]
         for frame in range(1, len(body)):

@@ -11,11 +11,11 @@ import numpy as np
 import warp as wp
 
 from drapeline.frames import FPS
-from drapeline.geometry.lanes import INDICES, LANES, NUMBERS, lay_in_lanes
+from drapeline.geometry.lanes import LANES, LaneFloats, LaneInts, lay_in_lanes
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import Attempt, ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
-from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
+from drapeline.xpbd.body_vertices import CoveredVertices, push_off_body_vertices
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.contact import make_all_moves, make_moves, touch_floor
 from drapeline.xpbd.edge_contact import (
@@ -48,9 +48,6 @@ class Replay:
     """Launches that are always the same, recorded when they are first called for, to be replayed.
 
     One by one, each would take Python several microseconds.
-
-    Args:
-        parts: make the launches, in order.
     """
 
     def __init__(self, parts: Sequence[Callable[[], None]]) -> None:
@@ -121,7 +118,7 @@ def predict(
     place: wp.array(dtype=wp.vec3),
     weighed: wp.array(dtype=wp.vec4),
 ):
-    """Where particles go by their speed, gravity and the air alone."""
+    """Move particles by their speed, gravity and the air alone."""
     i = wp.tid()
     start = place[i] + carry[0]
     free = (speed[i] + _GRAVITY * step_s) * keep[i]
@@ -151,7 +148,7 @@ def hold(
 
 @wp.kernel
 def take_places(weighed: wp.array(dtype=wp.vec4), place: wp.array(dtype=wp.vec3)):
-    """Where the cloth's own forces have left particles."""
+    """Take the places where the cloth's own forces have left particles."""
     i = wp.tid()
     place[i] = wp.vec3(weighed[i][0], weighed[i][1], weighed[i][2])
 
@@ -181,63 +178,45 @@ def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """Numbers of the method.
+class XpbdSettings:
+    """Numbers of the method."""
 
-    Attributes:
-        steps_per_step: small steps for each of `Attempt.steps`.
-        way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
-            what is near of it.
-        body_way_m: the same, between two searches for the body.
-        limb_way_m: the same for a fast limb, the 95th percentile of the body's vertices, which
-            cloth must not be passed by before it is found.
-        searches_min, searches_max: such searches in a frame.
-        reach_m: how far from the body its nearest point is looked for.
-        home_reach_m: how far from the limb that cloth lies on it touches no other.
-        room_m: how far from itself the body may be where sheets of cloth share the room.
-        slack_m: how far cloth slides over the body before that point is looked for again.
-        margin_m: how far from cloth other cloth is looked for.
-        self_gap_m: distance between parts of a garment.
-        free_m: parts of a garment that are closer than this at rest do not collide.
-        edge_margin_m: how far from an edge other edges are looked for.
-        cover_margin_m: how far from a vertex of the body cloth that covers it is looked for.
-        cover_gap_m: how far above it that cloth is held.
-        sweeps: of the springs in a small step; in each, what share they go of the way to where
-            they are content. The later go beyond, for what other springs take back.
-        friction: of cloth on the body, as a coefficient of Coulomb's law.
-        lead_friction: the same during the transition.
-        cloth_friction: of cloth on cloth.
-        release_m_s: how fast contacts take away depth that was there before a small step.
-        stick_m_s: how fast cloth may slip past the body and still be held, however light the
-            contact is.
-        untangle_m_s: how fast cloth that passes through cloth is moved, at most.
-        pin_pull: share of the way to where it is held that a pin goes in a small step.
-    """
-
-    steps_per_step: float = 3.0
+    steps_per_step: float = 3.0  # small steps for each of `Attempt.steps`
+    # How far cloth goes past other cloth, as a root mean square, between two searches for what is
+    # near of it.
     way_m: float = 0.005
-    body_way_m: float = 0.01
+    body_way_m: float = 0.01  # the same, between two searches for the body
+    # The same for a fast limb, the 95th percentile of the body's vertices, which cloth must not be
+    # passed by before it is found.
     limb_way_m: float = 0.04
+    # searches_min, searches_max: such searches in a frame.
     searches_min: int = 2
     searches_max: int = 6
-    reach_m: float = 0.045
-    home_reach_m: float = 0.012
-    room_m: float = 0.04
+    reach_m: float = 0.045  # how far from the body its nearest point is looked for
+    home_reach_m: float = 0.012  # how far from the limb that cloth lies on it touches no other
+    # How far from itself the body may be where sheets of cloth share the room.
+    clearance_m: float = 0.04
+    # How far cloth slides over the body before that point is looked for again.
     slack_m: float = 0.002
-    margin_m: float = 0.014
-    self_gap_m: float = 0.007
-    free_m: float = 0.028
-    edge_margin_m: float = 0.012
+    margin_m: float = 0.014  # how far from cloth other cloth is looked for
+    self_gap_m: float = 0.007  # distance between parts of a garment
+    free_m: float = 0.028  # parts of a garment that are closer than this at rest do not collide
+    edge_margin_m: float = 0.012  # how far from an edge other edges are looked for
+    # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
-    cover_gap_m: float = 0.002
+    cover_gap_m: float = 0.002  # how far above it that cloth is held
+    # Of the springs in a small step; in each, what share they go of the way to where they are
+    # content. The later go beyond, for what other springs take back.
     sweeps: tuple[float, ...] = (1.0, 1.2, 1.4)
-    friction: float = 0.4
-    lead_friction: float = 0.1
-    cloth_friction: float = 0.3
+    friction: float = 0.4  # of cloth on the body, as a coefficient of Coulomb's law
+    lead_friction: float = 0.1  # the same during the transition
+    cloth_friction: float = 0.3  # of cloth on cloth
+    # How fast contacts take away depth that was there before a small step.
     release_m_s: float = 0.567
+    # How fast cloth may slip past the body and still be held, however light the contact is.
     stick_m_s: float = 0.0378
-    untangle_m_s: float = 0.945
-    pin_pull: float = 0.3
+    untangle_m_s: float = 0.945  # how fast cloth that passes through cloth is moved, at most
+    pin_pull: float = 0.3  # share of the way to where it is held that a pin goes in a small step
 
 
 class MovingCloth:
@@ -247,9 +226,9 @@ class MovingCloth:
         garments: from inner to outer.
         body: what they collide with.
         attempt: how finely, and how far from the body.
-        numbers: of the method.
+        settings: of the method.
         device: Warp's, that the work is done on.
-        together: whether constraints of a colour act at once, and all contacts of a kind, as they
+        parallel: whether constraints of a colour act at once, and all contacts of a kind, as they
             do on a GPU; if not, all act in turn.
     """
 
@@ -258,24 +237,24 @@ class MovingCloth:
         garments: Sequence[ClothGarment],
         body: MovingBody,
         attempt: Attempt,
-        numbers: Numbers,
+        settings: XpbdSettings,
         *,
         device: str = "cpu",
-        together: bool = False,
+        parallel: bool = False,
     ) -> None:
-        self._garments, self._body, self._numbers = garments, body, numbers
+        self._garments, self._body, self._settings = garments, body, settings
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
-        self._steps = round(attempt.steps * numbers.steps_per_step)
+        self._steps = round(attempt.steps * settings.steps_per_step)
         self._step_s = 1 / FPS / self._steps
-        self._step_ways_m = numbers.release_m_s * self._step_s, numbers.stick_m_s * self._step_s
-        self._device, self._together = wp.get_device(device), together
+        self._step_ways_m = settings.release_m_s * self._step_s, settings.stick_m_s * self._step_s
+        self._device, self._parallel = wp.get_device(device), parallel
         with wp.ScopedDevice(self._device):
             self._place_system()
 
     def _place_system(self) -> None:
         """Put the system and what it may touch on the device."""
         garments = self._garments
-        self._width = 1 if self._together else LANES
+        self._width = 1 if self._parallel else LANES
         system = self._system = join_garments(garments, self._width)
         self._place = _vectors(system.vertices)
         weighed = np.column_stack([system.vertices, system.inverse_masses])
@@ -290,15 +269,15 @@ class MovingCloth:
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
         self._floor_m = wp.zeros(1, dtype=wp.vec2)  # at both ends of the frame
         self._surface = BodySurface(
-            self._body, [g.vertices for g in garments], together=self._together
+            self._body, [g.vertices for g in garments], parallel=self._parallel
         )
         layers = wp.array(system.layers, dtype=int)
         triangles = wp.array(system.triangles, dtype=wp.vec3i)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
         self._near = NearTriangles(
-            wp.clone(self._place), triangles, layers, halves, together=self._together
+            wp.clone(self._place), triangles, layers, halves, parallel=self._parallel
         )
-        self._covered = CoveredVertices(self._body, self._near, together=self._together)
+        self._covered = CoveredVertices(self._body, self._near, parallel=self._parallel)
         pairs = wp.array(system.edges, dtype=wp.vec2i)
         sides = edges_of_triangles(system.edges, system.triangles)
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i))
@@ -307,11 +286,7 @@ class MovingCloth:
         self._measure = record(
             measure_strain,
             len(springs.pairs),
-            [
-                wp.array(springs.pairs, dtype=wp.vec2i),
-                _numbers(springs.lengths_m),
-                self._place,
-            ],
+            [wp.array(springs.pairs, dtype=wp.vec2i), _numbers(springs.lengths_m), self._place],
             [self._strain],
         )
         self._contacts = self._record_contacts(triangles, layers, pairs)
@@ -324,7 +299,7 @@ class MovingCloth:
         that are near to nothing.
         """
         contacts = [contact.launch for contact in self._contacts]
-        if self._together:
+        if self._parallel:
             state = [self._before, self._place]
             moves = record(make_all_moves, len(self._place), [self._moves], state)
             contacts = [part for contact in contacts for part in (contact, moves.launch)]
@@ -342,8 +317,8 @@ class MovingCloth:
         return [self._find_body, self._find_cloth, self._find_once]
 
     def _record_first(self) -> list[Callable[[], None]]:
-        """What a small step does before contacts."""
-        system, numbers, weighed = self._system, self._numbers, self._weighed
+        """Record what a small step does before contacts."""
+        system, settings, weighed = self._system, self._settings, self._weighed
         launches = [
             record(
                 predict,
@@ -356,7 +331,7 @@ class MovingCloth:
                 len(system.pinned),
                 [
                     wp.array(system.pinned, dtype=int),
-                    _numbers(numbers.pin_pull * system.pin_weights),
+                    _numbers(settings.pin_pull * system.pin_weights),
                 ],
                 [self._pin_start, self._pin_end, self._clock, weighed],
             ),
@@ -366,7 +341,7 @@ class MovingCloth:
         return [launch.launch for launch in launches if launch is not None]
 
     def _record_last(self) -> list[Callable[[], None]]:
-        """What a small step does after contacts with cloth; the clock then shows the next."""
+        """Record what it does after contacts with cloth; the clock then shows the next step."""
         surface, state = self._surface, [self._before, self._place]
         touching = self._gap_m, *self._step_ways_m, self._friction
         launches = [
@@ -381,7 +356,7 @@ class MovingCloth:
                 len(self._place),
                 [
                     *(surface.anchor, surface.from_place, surface.to_place),
-                    *(surface.from_normal, surface.to_normal, surface.room),
+                    *(surface.from_normal, surface.to_normal, surface.clearance),
                 ],
                 [self._clock, self._carry, *touching, *state],
             ),
@@ -391,16 +366,16 @@ class MovingCloth:
         return [launch.launch for launch in launches if launch is not None]
 
     def _record_elasticity(self) -> list[wp.Launch | None]:
-        """What cloth resists by itself."""
-        system, sweeps = self._system, self._numbers.sweeps
+        """Record the cloth's own resistance."""
+        system, sweeps = self._system, self._settings.sweeps
         springs, hinges = system.springs, system.hinges
-        number, index = (float, int) if self._together else (NUMBERS, INDICES)
-        pull = pull_springs if self._together else pull_springs_in_lanes
-        turn = turn_hinges if self._together else turn_hinges_in_lanes
+        number, index = (float, int) if self._parallel else (LaneFloats, LaneInts)
+        pull = pull_springs if self._parallel else pull_springs_in_lanes
+        turn = turn_hinges if self._parallel else turn_hinges_in_lanes
 
         def laid(values: np.ndarray, lanes: np.ndarray, dtype: type) -> wp.array:
             rows = lay_in_lanes(values, lanes)
-            return wp.array(rows[..., 0] if self._together else rows, dtype=dtype)
+            return wp.array(rows[..., 0] if self._parallel else rows, dtype=dtype)
 
         def numbers(values: np.ndarray, lanes: np.ndarray) -> wp.array:
             return laid(values.astype(np.float32), lanes, number)
@@ -437,32 +412,32 @@ class MovingCloth:
 
     def _at_once(self, rows: np.ndarray) -> list[tuple[int, int]]:
         """First rows, and how many, of the constraints that a launch solves: a colour, or all."""
-        if self._together:
+        if self._parallel:
             return list(zip(rows[:-1].tolist(), np.diff(rows).tolist(), strict=True))
         return [(0, int(rows[-1]))]
 
     def _record_contacts(
         self, triangles: wp.array, layers: wp.array, pairs: wp.array
     ) -> list[BusyLaunch]:
-        """What pushes cloth off the body and other cloth, but for the body's surface itself."""
-        system, numbers, room = self._system, self._numbers, self._surface.room
+        """Record what pushes cloth off the body and other cloth, but for the body's own surface."""
+        system, settings, clearance = self._system, self._settings, self._surface.clearance
         mass = _numbers(system.inverse_masses)
-        moves = self._moves = make_moves(len(self._place) if self._together else 0)
+        moves = self._moves = make_moves(len(self._place) if self._parallel else 0)
         state = [moves, self._before, self._place]
         release_m, stick_m = self._step_ways_m
-        gaps = numbers.self_gap_m, self._gap_m
+        gaps = settings.self_gap_m, self._gap_m
         opposite = opposite_vertices(system.edges, system.triangles)
         opposite = wp.array(opposite, dtype=wp.vec2i)
         return [
             BusyLaunch(
-                lift_covers,
+                push_off_body_vertices,
                 self._covered.count,
                 [
                     *(self._covered.covers, self._covered.from_place, self._covered.to_place),
                     *(self._covered.up, triangles, mass, self._clock),
                 ],
                 [
-                    *(self._carry, numbers.cover_gap_m, numbers.cover_margin_m),
+                    *(self._carry, settings.cover_gap_m, settings.cover_margin_m),
                     *(release_m, stick_m, self._friction, *state),
                 ],
             ),
@@ -470,19 +445,19 @@ class MovingCloth:
                 touch_cloth,
                 self._near.count,
                 [self._near.near, triangles, layers, mass],
-                [room, *gaps, release_m, numbers.cloth_friction, *state],
+                [clearance, *gaps, release_m, settings.cloth_friction, *state],
             ),
             BusyLaunch(
                 touch_edges,
                 self._near_edges.count,
                 [self._near_edges.pairs, pairs, layers, mass],
-                [room, *gaps, release_m, *state],
+                [clearance, *gaps, release_m, *state],
             ),
             BusyLaunch(
                 untangle,
                 self._crossings.count,
                 [self._crossings.crossed, pairs, opposite, triangles, mass],
-                [numbers.untangle_m_s * self._step_s, *state],
+                [settings.untangle_m_s * self._step_s, *state],
             ),
         ]
 
@@ -521,50 +496,49 @@ class MovingCloth:
         In these, cloth goes past cloth by `body_way_m` or `way_m` if it is as fast as in the frame
         before. Nor do the body's limbs move by more than `limb_way_m` between two for the body.
         """
-        numbers = self._numbers
+        settings = self._settings
         way_m = self._near.relative_way_m(self._last, self._place)
         wp.copy(self._last, self._place)
-        body_ways = max(way_m / numbers.body_way_m, limb_way_m / numbers.limb_way_m)
-        ways = [body_ways, way_m / numbers.way_m]
-        searches = np.clip(np.ceil(ways), numbers.searches_min, numbers.searches_max)
+        body_ways = max(way_m / settings.body_way_m, limb_way_m / settings.limb_way_m)
+        ways = [body_ways, way_m / settings.way_m]
+        searches = np.clip(np.ceil(ways), settings.searches_min, settings.searches_max)
         body_every, cloth_every = np.ceil(self._steps / searches).astype(int).tolist()
         return body_every, cloth_every
 
     def _find_body(self) -> None:
         """Find where the cloth is nearest to the body."""
-        numbers = self._numbers
+        settings = self._settings
         self._strain.zero_()
         self._measure.launch()
         self._surface.find_anchors(
             self._place,
             self._strain,
             self._clock,
-            home_reach_m=numbers.home_reach_m,
-            reach_m=numbers.reach_m,
+            home_reach_m=settings.home_reach_m,
+            reach_m=settings.reach_m,
             gap_m=self._gap_m,
-            slack_m=numbers.slack_m,
+            slack_m=settings.slack_m,
         )
 
     def _find_cloth(self) -> None:
         """Find what the cloth is near to of itself, and what it passes through."""
-        numbers, near, crossings = self._numbers, self._near, self._crossings
-        near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
+        settings, near, crossings = self._settings, self._near, self._crossings
+        near.find(self._place, margin_m=settings.margin_m, free_m=settings.free_m)
         crossings.find(self._place, near.count, near.near)
         self._near_edges.find(
-            self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
+            self._place, near.count, near.near, crossings.count, margin_m=settings.edge_margin_m
         )
 
     def _find_once(self) -> None:
         """Find what is found once in a frame: the body's room, and its vertices under cloth."""
-        self._surface.find_room(self._numbers.room_m)
-        margin_m = self._numbers.cover_margin_m
+        self._surface.find_clearance(self._settings.clearance_m)
+        margin_m = self._settings.cover_margin_m
         self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
 
     def _begin(self, frame: int) -> float:
-        """Take the body and the pins to the frame, and the cloth along during the transition.
+        """Take body, pins and, in the transition, cloth to the frame.
 
-        Returns:
-            How far the body's fast limbs go past its middle, in metres.
+        Returns how far the body's fast limbs go past its middle, in metres.
         """
         now = self._body.frame(frame)
         self._surface.move_to(now)
@@ -583,7 +557,7 @@ class MovingCloth:
                 outputs=[self._speed],
             )
         self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
-        self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
+        self._friction.fill_(self._settings.lead_friction if leading else self._settings.friction)
         return float(np.percentile(np.linalg.norm(moved - way, axis=1), 95))
 
 

@@ -69,38 +69,26 @@ Constraints = TypeVar("Constraints", Springs, Hinges)
 
 @dataclass(frozen=True)
 class ClothSystem:
-    """Garments at rest, one after the other.
+    """Garments at rest, one after the other."""
 
-    Attributes:
-        vertices: (V, 3) float32 metres in frame 0.
-        inverse_masses: (V,) in 1/kg.
-        drag_1_s: (V,) rate at which still air takes speed away.
-        triangles: (F, 3) int32, halves of a quad next to one another.
-        edges: (E, 2) int32, of all faces.
-        layers: (V,) int32, number of a vertex's garment, from inner to outer.
-        starts: (G + 1,) where each garment begins.
-        springs, hinges: in order of their colours; springs along edges before diagonals.
-        spring_lanes, hinge_lanes: (R, width), which of them are solved at once, see `fill_lanes`.
-        spring_rows, hinge_rows: (C + 1,), where the rows of each colour begin.
-        pinned: (P,) int32, vertices that are held.
-        pin_weights: (P,) 0-1.
-    """
-
-    vertices: np.ndarray
-    inverse_masses: np.ndarray
-    drag_1_s: np.ndarray
-    triangles: np.ndarray
-    edges: np.ndarray
-    layers: np.ndarray
-    starts: np.ndarray
+    vertices: np.ndarray  # (V, 3) float32 metres in frame 0
+    inverse_masses: np.ndarray  # (V,) in 1/kg
+    drag_1_s: np.ndarray  # (V,) rate at which still air takes speed away
+    triangles: np.ndarray  # (F, 3) int32, halves of a quad next to one another
+    edges: np.ndarray  # (E, 2) int32, of all faces
+    layers: np.ndarray  # (V,) int32, number of a vertex's garment, from inner to outer
+    starts: np.ndarray  # (G + 1,) where each garment begins
+    # springs, hinges: in order of their colours; springs along edges before diagonals.
     springs: Springs
     hinges: Hinges
+    # spring_lanes, hinge_lanes: (R, width), which of them are solved at once, see `fill_lanes`.
     spring_lanes: np.ndarray
     hinge_lanes: np.ndarray
+    # spring_rows, hinge_rows: (C + 1,), where the rows of each colour begin.
     spring_rows: np.ndarray
     hinge_rows: np.ndarray
-    pinned: np.ndarray
-    pin_weights: np.ndarray
+    pinned: np.ndarray  # (P,) int32, vertices that are held
+    pin_weights: np.ndarray  # (P,) 0-1
 
     def split(self, vertices: np.ndarray) -> list[np.ndarray]:
         """Vertices (V, 3) by garment."""

@@ -54,7 +54,7 @@ def arms_down(angles_rad):
 def sequence(body, angles_rad, **options):
     trans = np.tile([1.0, 2.0, 0.95], (len(angles_rad), 1))
     shape = options.pop("shape", np.zeros(10))
-    return make_body_sequence(body, shape, arms_down(angles_rad), trans, gender=0, **options)
+    return make_body_sequence(body, shape, arms_down(angles_rad), trans, gender="female", **options)
 
 
 def test_free_sequence_is_the_posed_body(toy_body):
@@ -93,7 +93,7 @@ def test_bare_limbs_are_left_out_instead(toy_body, removable, limb):
     for side, sign in (("left", -1), ("right", 1)):
         poses[1, 3 * JOINT_NAMES.index(f"{side}_elbow") + 2] = sign * 2.0
     record = make_body_sequence(
-        toy_body, np.zeros(10), poses, np.zeros((2, 3)), gender=0, removable=removable
+        toy_body, np.zeros(10), poses, np.zeros((2, 3)), gender="female", removable=removable
     )
     assert record.outcome == "removed"
     names = {JOINT_NAMES[j] for j in record.removed_segments}
@@ -108,7 +108,7 @@ def test_another_shape_is_taken_only_where_one_is_rejected(toy_body):
     trans = np.tile([1.0, 2.0, 0.95], (2, 1))
     for angles, redrawn, outcome in (([0.2, 0.4], 0, "free"), ([0.4, 1.8], 2, "rejected")):
         shapes = iter([np.full(10, value) for value in (0.0, 0.1, 0.2)])
-        record = first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
+        record = first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender="female")
         assert (record.redrawn, record.outcome) == (redrawn, outcome)
         assert len(list(shapes)) == 2 - redrawn
         assert record.shape[0] == pytest.approx(0.1 * redrawn)
@@ -125,7 +125,7 @@ def test_what_stopped_one_body_is_looked_at_first_in_the_next(toy_body, monkeypa
     angles = [0.4] * 17 + [1.8] + [0.4] * 7
     trans = np.tile([1.0, 2.0, 0.95], (len(angles), 1))
     shapes = [np.zeros(10), np.full(10, 0.1)]
-    first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
+    first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender="female")
     assert orders[0][:4] == [0, 10, 20, 1]
     assert len(orders) > 3
     for order in orders[1:-1]:

@@ -25,7 +25,7 @@ def record():
     rng = np.random.default_rng(0)
     return BodySequence(
         shape=rng.uniform(-1, 1, 10),
-        gender=1,
+        gender="male",
         poses=REST_POSE + rng.normal(0, 0.1, (4, 72)),
         trans=rng.normal(size=(4, 3)),
         outcome="removed",

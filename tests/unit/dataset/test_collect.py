@@ -23,10 +23,10 @@ def rows_of(path):
 def dataset(tmp_path_factory, toy_body):
     stages = tmp_path_factory.mktemp("stages")
     plan = [
-        ("00001", "train", "accepted", 6, 0),
-        ("00002", "train", "accepted", 4, 1),
-        ("00003", "val", "rejected", 6, 0),
-        ("00004", "test", "accepted", 2, 0),
+        ("00001", "train", "accepted", 6, "female"),
+        ("00002", "train", "accepted", 4, "male"),
+        ("00003", "val", "rejected", 6, "female"),
+        ("00004", "test", "accepted", 2, "female"),
     ]
     folders = [
         write_tiny_sample(

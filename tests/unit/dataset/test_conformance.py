@@ -183,7 +183,7 @@ def test_reconstructions_too_hold_nothing_but_garments(tmp_path, toy_body):
     poses = np.repeat(REST_POSE[None], 2, 0)
     texture = {"type": "color", "data": [0.4, 0.5, 0.7]}
     info = SampleInfo(
-        poses, np.zeros((2, 3)), np.zeros(10), 0, outfit={"Skirt": {"texture": texture}}
+        poses, np.zeros((2, 3)), np.zeros(10), "female", outfit={"Skirt": {"texture": texture}}
     )
     skirt = GarmentAnimation("Skirt", rest, np.stack([rest.vertices] * 2))
     write_reconstruction(tmp_path / "Skirt", toy_body, info, [skirt])

@@ -24,7 +24,7 @@ def info(request):
         poses=rng.normal(size=(request.param, 72)),
         trans=rng.normal(size=(request.param, 3)),
         shape=rng.normal(size=10),
-        gender=1,
+        gender="male",
         outfit={
             "Tshirt": {"texture": {"type": "color", "data": [0.1, 0.2, 0.3]}, "fabric": "cotton"},
             "Trousers": {"texture": {"type": "pattern"}, "fabric": "denim"},
@@ -41,7 +41,7 @@ def test_what_is_written_is_read(tmp_path, info):
     for name in ("poses", "trans", "shape", "tightness", "camera_location"):
         np.testing.assert_array_equal(getattr(again, name), getattr(info, name))
         assert getattr(again, name).dtype == np.float64
-    assert (again.gender, again.zrot) == (1, 0.0)
+    assert (again.gender, again.zrot) == ("male", 0.0)
     assert again.outfit["Trousers"] == {"texture": {"type": "pattern"}, "fabric": "denim"}
     np.testing.assert_array_equal(again.outfit["Tshirt"]["texture"]["data"], [0.1, 0.2, 0.3])
     assert again.lights["type"] == info.lights["type"]

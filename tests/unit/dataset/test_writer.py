@@ -228,7 +228,7 @@ def test_a_reconstructed_garment_reads_as_a_sample_of_the_original(tmp_path, toy
         poses=poses,
         trans=trans,
         shape=np.zeros(10),
-        gender=0,
+        gender="female",
         outfit={"Skirt": {"texture": {"type": "color", "data": [0.4, 0.5, 0.7]}}},
     )
     mesh = Mesh(rest.vertices, triangulate(rest.faces))

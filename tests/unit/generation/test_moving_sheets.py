@@ -28,7 +28,7 @@ def record(toy_body):
     poses[:, 3 * 1] = np.linspace(0, -0.3, 4)  # the left leg rises
     path = np.zeros((4, 3))
     path[:, 0] = 0.01 * np.arange(4)
-    return make_body_sequence(toy_body, np.zeros(10), poses, path, gender=0)
+    return make_body_sequence(toy_body, np.zeros(10), poses, path, gender="female")
 
 
 def simulate(sheets, toy_body, record, **changes):

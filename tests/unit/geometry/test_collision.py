@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.geometry.collision import Solid, resolve_penetration
+from drapeline.geometry.collision import PenetrationResolver, resolve_penetration
 
 GAP_M = 0.004
 RADIUS_M = 0.1
@@ -59,5 +59,7 @@ def test_a_body_is_wanted_for_every_frame():
 def test_cloth_that_is_outside_stays():
     body, body_faces = ball(RADIUS_M)
     cloth, _ = ball(2 * RADIUS_M)
-    solid = Solid(body, body_faces)
-    np.testing.assert_array_equal(solid.push_out(cloth.astype(np.float32), None), np.float32(cloth))
+    resolver = PenetrationResolver(body, body_faces)
+    np.testing.assert_array_equal(
+        resolver.push_out(cloth.astype(np.float32), None), np.float32(cloth)
+    )

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES
+from drapeline.geometry.lanes import LaneInts
 from drapeline.geometry.surface_lanes import find_closest_in_lanes, rows_in_order, windings_in_lanes
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.seeding import rng_for
@@ -92,7 +92,7 @@ _MANY = 60  # patches
 @wp.kernel
 def _wind(
     surface: wp.uint64,
-    rows: wp.array(dtype=INDICES),
+    rows: wp.array(dtype=LaneInts),
     points: wp.array(dtype=wp.vec3),
     way: wp.vec3,
     windings: wp.array(dtype=int),

@@ -104,7 +104,7 @@ def test_a_seed_gives_the_same_points_for_a_garment_whatever_else_is_in_the_shar
 def test_rows_say_what_they_are(data):
     assert data.split.tolist() == list(SPLITS)
     assert data.rows("val").tolist() == [4, 5]
-    assert data.gender.tolist() == [0, 1] * 4
+    assert data.gender.tolist() == ["female", "male"] * 4
     assert data.names(np.array([3])) == ["s3/Skirt"]
     batch = data.batch(np.array([1, 6]))
     assert batch["near"].shape == (2, POINTS, 3)

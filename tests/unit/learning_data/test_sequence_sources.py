@@ -49,7 +49,7 @@ def test_accepted_samples_that_wear_the_garment_are_sequences(simulated):
     tiny, samples, clouds = simulated
     table = middles(tiny[0].meshes["Skirt"].faces)
     (one,) = simulated_sequences("Skirt", samples, clouds, {"00001": table})
-    assert (one.name, one.source, one.split, one.gender) == ("00001", "blender", "train", 0)
+    assert (one.name, one.source, one.split, one.gender) == ("00001", "blender", "train", "female")
     assert one.number.tolist() == list(range(6))
     np.testing.assert_allclose(one.poses, tiny[0].poses, atol=1e-6)
     np.testing.assert_allclose(one.shape, tiny[0].shape, atol=1e-6)
@@ -95,7 +95,7 @@ def test_static_outfits_in_motion_are_sequences(simulated, tmp_path, toy_body):
     places = [tmp_path / "000"], [tmp_path / "outfits_at_rest"]
     (one,) = skinned_sequences("Skirt", *places, {"s1": table})
     written = next(iter(load_skinned(tmp_path / "000")))
-    assert (one.name, one.source, one.split, one.gender) == ("s1", "skinned", "train", 0)
+    assert (one.name, one.source, one.split, one.gender) == ("s1", "skinned", "train", "female")
     np.testing.assert_array_equal(one.number, written.number)
     assert np.diff(one.number).tolist() == [2, 2]
     np.testing.assert_array_equal(one.points, written.points)

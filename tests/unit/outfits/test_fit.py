@@ -8,7 +8,7 @@ from drapeline.bodies.rest_body import signed_tightness, tightness_shape
 from drapeline.geometry.mesh import edge_lengths, edges
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.geometry.smoothing import averaging_matrix
-from drapeline.outfits.fit import drape_on_form, lay_over, leave_body, resize, seed_folds, settle
+from drapeline.outfits.fit import drape, drape_on_form, lay_over, leave_body, resize, seed_folds
 from drapeline.seeding import rng_for
 
 
@@ -124,7 +124,7 @@ def settled(sheet, **changes):
     count = len(vertices)
     options = {"fullness": np.zeros(count), "nudge": np.zeros((count, 3)), "steps": 30}
     held = vertices[:, 2] > 0.19
-    return settle(vertices, faces, held, lambda p: p, **{**options, **changes}), held
+    return drape(vertices, faces, held, lambda p: p, **{**options, **changes}), held
 
 
 def test_a_sheet_hangs_from_what_is_held_and_hardly_stretches(sheet):
@@ -154,7 +154,7 @@ def test_nothing_passes_what_keeps_it_out(sheet):
     vertices, faces = sheet
     nudge = np.tile([0.0, 0.01, 0.0], (121, 1))
     none = np.zeros(121, dtype=bool)
-    out = settle(
+    out = drape(
         vertices,
         faces,
         none,

@@ -51,7 +51,7 @@ def test_same_seed_same_outfit(outfits, toy_body, templates):
         edge_length_m=0.025,
     )
     for a, b in zip(first.garments, again.garments, strict=True):
-        assert a.about == b.about
+        assert a.attributes == b.attributes
         for key in ARRAYS:
             np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
 
@@ -72,7 +72,7 @@ def test_elastic_marks_are_on_the_ends_that_have_it(outfits):
     seen = set()
     for outfit in outfits.values():
         for garment in outfit.garments:
-            ends = garment.about["elastic"]
+            ends = garment.attributes["elastic"]
             assert bool(garment.elastic.any()) == any(ends.values())
             seen |= {end for end, on in ends.items() if on}
             if ends == {"sleeves": True}:

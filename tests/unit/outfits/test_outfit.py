@@ -18,7 +18,7 @@ def test_files_give_back_the_outfit(outfits, tmp_path):
         np.testing.assert_array_equal(back.tightness, outfit.tightness)
         assert [g.name for g in back.garments] == [g.name for g in outfit.garments]
         for a, b in zip(back.garments, outfit.garments, strict=True):
-            assert a.about == b.about
+            assert a.attributes == b.attributes
             for key in ARRAYS:
                 np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
                 assert getattr(a, key).dtype == getattr(b, key).dtype

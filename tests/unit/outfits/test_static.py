@@ -12,13 +12,13 @@ from toys.tiny_sample import tube
 
 def garment(name, radius):
     mesh = tube(radius, -0.5, 0.0)
-    about = {
+    attributes = {
         "fabric": "silk",
         "texture": {"type": "pattern"},
         "parameters": {"fold_seed": round(100 * radius)},
     }
     ends = np.ones(len(mesh.vertices), np.float32)
-    return Garment(name, mesh.vertices, mesh.faces, mesh.uv, mesh.uv_faces, ends, ends, about)
+    return Garment(name, mesh.vertices, mesh.faces, mesh.uv, mesh.uv_faces, ends, ends, attributes)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_a_shard_comes_back_as_it_was(outfits, tmp_path):
         for key in ("shape", "tightness", "signed_tightness"):
             np.testing.assert_array_equal(getattr(before.outfit, key), getattr(after.outfit, key))
         for one, other in zip(before.outfit.garments, after.outfit.garments, strict=True):
-            assert (one.name, one.about) == (other.name, other.about)
+            assert (one.name, one.attributes) == (other.name, other.attributes)
             np.testing.assert_array_equal(one.vertices, other.vertices)
             np.testing.assert_array_equal(one.faces, other.faces)
 

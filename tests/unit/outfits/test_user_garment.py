@@ -59,8 +59,8 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
     )
     mine = outfit.garments[0]
     np.testing.assert_array_equal(mine.faces, skirt.faces)
-    assert mine.about["parameters"] == {"own_garment": path, "held": ["top"]}
-    assert mine.about["fabric"] in FABRICS
+    assert mine.attributes["parameters"] == {"own_garment": path, "held": ["top"]}
+    assert mine.attributes["fabric"] in FABRICS
     assert not mine.elastic.any()
     np.testing.assert_array_equal(mine.pin, skirt.vertices[:, 2] > 0.04)
 
@@ -80,8 +80,8 @@ def test_fabric_elastics_and_held_rims_are_as_asked_for(tmp_path, skirt, toy_bod
         own={"Skirt": asked},
     )
     mine = outfit.garments[0]
-    assert mine.about["fabric"] == "leather"
-    assert mine.about["elastic"] == {"bottom": True}
+    assert mine.attributes["fabric"] == "leather"
+    assert mine.attributes["elastic"] == {"bottom": True}
     assert not mine.pin.any()
     np.testing.assert_array_equal(mine.elastic, skirt.vertices[:, 2] < -0.49)
 

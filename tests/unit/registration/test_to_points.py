@@ -4,8 +4,8 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import (
-    Cloth,
-    SpaceTime,
+    EdgeSprings,
+    SmoothnessSolver,
     WornGarmentStatistics,
     body_push,
     fit_to_points,
@@ -150,10 +150,10 @@ def test_accelerations_that_garments_follow_are_those_of_the_proposal():
 
 @pytest.mark.parametrize("frames", [1, 2, 6])
 def test_the_solver_agrees_with_one_dense_system(frames):
-    stiffness = Cloth(tube(), FACES, SETTINGS, np.ones(1)).stiffness
+    stiffness = EdgeSprings(tube(), FACES, SETTINGS, np.ones(1)).stiffness
     rng = rng_for(0, "dense")
     right, diagonal = rng.normal(size=(frames, VERTICES, 3)), rng.uniform(0.5, 2, VERTICES)
-    solver = SpaceTime(stiffness, diagonal, frames, 3.0)
+    solver = SmoothnessSolver(stiffness, diagonal, frames, 3.0)
     second = np.diff(np.eye(frames), 2, axis=0)
     bend = 3 * np.kron(second.T @ second, np.eye(VERTICES))
     matrix = np.kron(np.eye(frames), stiffness.toarray() + np.diag(diagonal)) + bend
@@ -166,7 +166,7 @@ def test_the_solver_agrees_with_one_dense_system(frames):
 def test_springs_pull_as_the_gradient_of_their_energy_says():
     rng = rng_for(0, "springs")
     garment = tube()[None] + 0.01 * rng.normal(size=(2, VERTICES, 3))
-    cloth = Cloth(tube(), FACES, SETTINGS, np.full(1, 0.9))
+    cloth = EdgeSprings(tube(), FACES, SETTINGS, np.full(1, 0.9))
     pairs, across = springs(FACES)
     weights = np.where(across, SETTINGS.bend, SETTINGS.stretch)
     rest = 0.9 * np.linalg.norm(tube()[pairs[:, 0]] - tube()[pairs[:, 1]], axis=1)

@@ -28,14 +28,16 @@ def dataset(tmp_path_factory, toy_body):
     return made(
         tmp_path_factory.mktemp("report"),
         toy_body,
-        ("00001", "train", "accepted", 0),
-        ("00002", "train", "accepted", 1),
-        ("00003", "val", "rejected", 0),
-        ("00004", "test", "accepted", 0),
+        ("00001", "train", "accepted", "female"),
+        ("00002", "train", "accepted", "male"),
+        ("00003", "val", "rejected", "female"),
+        ("00004", "test", "accepted", "female"),
     )
 
 
 @pytest.fixture(scope="session")
 def rejected(tmp_path_factory, toy_body):
     """A dataset without any accepted sample."""
-    return made(tmp_path_factory.mktemp("report"), toy_body, ("00001", "train", "rejected", 0))
+    return made(
+        tmp_path_factory.mktemp("report"), toy_body, ("00001", "train", "rejected", "female")
+    )

@@ -99,7 +99,7 @@ def record(toy_body):
     poses = np.tile(REST_POSE, (5, 1))
     poses[:, 3 * 16 + 2] = -0.3 + 0.01 * np.arange(5)
     trans = np.array([0.3, 0.1, 1.0]) + 0.02 * np.arange(5)[:, None]
-    return make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    return make_body_sequence(toy_body, np.zeros(10), poses, trans, gender="female")
 
 
 def test_frames_go_from_the_garments_shape_to_the_sequence(toy_body, record):
@@ -327,8 +327,8 @@ def test_a_body_that_was_rejected_is_not_simulated(simulate, dressed):
 
 
 def test_a_fabric_that_is_not_in_the_table_is_refused(simulate, dressed):
-    about = {**dressed.outfit.garments[0].about, "fabric": "tin"}
-    garment = replace(dressed.outfit.garments[0], about=about)
+    attributes = {**dressed.outfit.garments[0].attributes, "fabric": "tin"}
+    garment = replace(dressed.outfit.garments[0], attributes=attributes)
     tinned = replace(dressed, outfit=replace(dressed.outfit, garments=(garment,)))
     with pytest.raises(InputError, match=r"Skirt is of 'tin', expected .*denim"):
         simulate(Follower(), dressed=tinned)

@@ -11,13 +11,13 @@ from toys.sheets import drop
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Choose devices, and for those who ask whether constraints act `together`: on a GPU always."""
+    """Choose devices, and for those who ask whether constraints act `parallel`: on a GPU always."""
     start_warp()
     in_turn = metafunc.definition.get_closest_marker("processor_only")
     ways = [("cpu", False), ("cpu", True), ("cuda", True)]
     ways = ways if wp.is_cuda_available() and not in_turn else ways[:2]
-    if "together" in metafunc.fixturenames:
-        metafunc.parametrize(("device", "together"), ways, indirect=["device"])
+    if "parallel" in metafunc.fixturenames:
+        metafunc.parametrize(("device", "parallel"), ways, indirect=["device"])
     elif len(ways) > 2:
         metafunc.parametrize("device", ["cpu", "cuda"], indirect=True)
 

@@ -12,7 +12,7 @@ THIGH, PALM = 0, 4
 
 
 @pytest.fixture
-def anchors(tmp_path, together):
+def anchors(tmp_path, parallel):
     """A thigh's skin at height 0, a palm that faces it from 4 cm, and one vertex of trousers."""
     start_warp()
     square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 10
@@ -27,7 +27,7 @@ def anchors(tmp_path, together):
         """Anchor, and kind of limb, of a vertex that goes through heights over the thigh."""
         with PointCache(tmp_path / "body.pc2") as cache:
             body = MovingBody(cache, faces, segments)
-            surface = BodySurface(body, [np.float32([[0, 0, 0.005]])], together=together)
+            surface = BodySurface(body, [np.float32([[0, 0, 0.005]])], parallel=parallel)
             surface.move_to(body.frame(1))
             surface.move_to(body.frame(1))
         clock = wp.array(np.float32([0, 0]), dtype=float)
@@ -36,9 +36,9 @@ def anchors(tmp_path, together):
             place = wp.array(np.float32([[0.01, 0.02, height]]), dtype=wp.vec3)
             reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
             surface.find_anchors(place, strains, clock, **reaches, gap_m=0.004, slack_m=0.002)
-        surface.find_room(0.045)
+        surface.find_clearance(0.045)
         face = surface.anchor.numpy()[0]
-        find.room = surface.room.numpy()[0]
+        find.clearance = surface.clearance.numpy()[0]
         return (None if face < 0 else faces[face][0]), surface.strange.numpy()[0]
 
     return find
@@ -68,19 +68,19 @@ def test_nothing_is_near_in_the_middle_of_nowhere(anchors):
 
 def test_how_far_the_body_faces_itself(anchors):
     anchors([0.005])
-    np.testing.assert_allclose(anchors.room, [0.04, 0.04], atol=1e-6)
+    np.testing.assert_allclose(anchors.clearance, [0.04, 0.04], atol=1e-6)
     anchors([0.2])
-    assert anchors.room.min() > 1
+    assert anchors.clearance.min() > 1
 
 
-def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path, together):
+def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path, parallel):
     start_warp()
     square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 10
     write_point_cache(tmp_path / "body.pc2", [square, square + np.float32([0, 0, 0.1])])
     segments = np.full(4, JOINT_NAMES.index("left_hip"))
     with PointCache(tmp_path / "body.pc2") as cache:
         body = MovingBody(cache, np.int32([[0, 1, 2], [0, 2, 3]]), segments)
-        surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])], together=together)
+        surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])], parallel=parallel)
     reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
     strain = wp.array(np.float32([1]), dtype=float)
     for frame, time, height, ends in (
@@ -106,16 +106,29 @@ def between():
     """Heights of vertices between a floor at 0 and a ceiling that leaves this room above it."""
     start_warp()
 
-    def touch(heights, room_m, steps=20):
+    def touch(heights, clearance_m, steps=20):
         place = vectors(*([0, 0, height] for height in heights))
         before = wp.clone(place)
         count = len(heights)
         up, still = vectors(*[[0, 0, 1]] * count), vectors(*[[0, 0, 0]] * count)
         anchor = wp.zeros(count, dtype=int)
-        room = wp.array(np.full((count, 2), room_m, np.float32), dtype=wp.vec2)
+        clearance = wp.array(np.full((count, 2), clearance_m, np.float32), dtype=wp.vec2)
         clock = wp.zeros(2, dtype=float)
         friction = wp.zeros(1, dtype=float)
-        inputs = [anchor, still, still, up, up, room, clock, still, 0.004, 3e-4, 2e-5, friction]
+        inputs = [
+            anchor,
+            still,
+            still,
+            up,
+            up,
+            clearance,
+            clock,
+            still,
+            0.004,
+            3e-4,
+            2e-5,
+            friction,
+        ]
         for _ in range(steps):
             wp.launch(touch_body, count, inputs=inputs, outputs=[before, place])
         np.testing.assert_allclose(place.numpy(), before.numpy(), atol=1e-6)  # without speed
@@ -125,15 +138,17 @@ def between():
 
 
 @pytest.mark.parametrize(
-    ("room_m", "least", "most"),
+    ("clearance_m", "least", "most"),
     [
         (0.006, 0.002, 0.003),  # a third for each of two sheets and for what is between them
         (0.012, 0.004, 0.006),
         (0.02, 0.004, 0.012),  # the gap, and room for another sheet
     ],
 )
-def test_cloth_leaves_room_for_a_sheet_on_the_other_side(between, room_m, least, most):
-    heights = between([-0.001, 0.0, 0.5 * (least + most), room_m, room_m + 0.001], room_m, 60)
+def test_cloth_leaves_room_for_a_sheet_on_the_other_side(between, clearance_m, least, most):
+    heights = between(
+        [-0.001, 0.0, 0.5 * (least + most), clearance_m, clearance_m + 0.001], clearance_m, 60
+    )
     middle = 0.5 * (least + most)
     np.testing.assert_allclose(heights, [least, least, middle, most, most], atol=1e-6)
 

@@ -5,10 +5,10 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
+from drapeline.geometry.lanes import LaneInts, make_patches, repeat_first
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
-from drapeline.xpbd.body_contact import look_in_turn, search_in_turn
+from drapeline.xpbd.body_contact import look_one_per_thread, search_one_per_thread
 from drapeline.xpbd.lanes import look_in_lanes, search_in_lanes
 from toys.rays import rays_clear_of_edges
 
@@ -19,7 +19,7 @@ def array(values, dtype):
     return wp.array(values, dtype=dtype)
 
 
-def test_a_limb_comes_first_and_then_the_whole_body(together):
+def test_a_limb_comes_first_and_then_the_whole_body(parallel):
     start_warp()
     rng = rng_for(1, "points")
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
@@ -43,9 +43,9 @@ def test_a_limb_comes_first_and_then_the_whole_body(together):
     asked.append(array(reaches.astype(np.float32), float))
     parts, found = (wp.full(COUNT, -1, dtype=int) for _ in range(2))
     weights = wp.zeros(COUNT, dtype=wp.vec3)
-    kernel, size, inputs = search_in_turn, COUNT, [*given, *asked]
-    if not together:
-        patches = array(repeat_first(make_patches(points, homes)), INDICES)
+    kernel, size, inputs = search_one_per_thread, COUNT, [*given, *asked]
+    if not parallel:
+        patches = array(repeat_first(make_patches(points, homes)), LaneInts)
         again = wp.zeros(COUNT, dtype=float)
         kernel, size = search_in_lanes, len(patches)
         inputs = [*given, patches, *asked, again]
@@ -78,7 +78,7 @@ def slow_hit(point, way, triangles):
     return found[inside, 2].min(initial=np.inf)
 
 
-def test_rays_hit_what_is_nearest_along_them(together):
+def test_rays_hit_what_is_nearest_along_them(parallel):
     """From points around two balls, of lengths that many do not reach one with."""
     start_warp()
     rng = rng_for(2, "rays")
@@ -94,9 +94,9 @@ def test_rays_hit_what_is_nearest_along_them(together):
     rays = [array(values.astype(np.float32), wp.vec3) for values in (points, ways)]
     rays.append(array(reaches.astype(np.float32), float))
     found, weights = wp.full(COUNT, -7, dtype=int), wp.zeros(COUNT, dtype=wp.vec3)
-    kernel, size, inputs = look_in_turn, COUNT, [mesh.id, *rays]
-    if not together:
-        patches = array(repeat_first(make_patches(points, np.zeros(COUNT, int))), INDICES)
+    kernel, size, inputs = look_one_per_thread, COUNT, [mesh.id, *rays]
+    if not parallel:
+        patches = array(repeat_first(make_patches(points, np.zeros(COUNT, int))), LaneInts)
         kernel, size, inputs = look_in_lanes, len(patches), [mesh.id, patches, *rays]
     wp.launch(kernel, size, inputs, [found, weights])
 

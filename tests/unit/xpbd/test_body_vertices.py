@@ -9,11 +9,11 @@ from drapeline.frames import JOINT_NAMES
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.rays import rays_hit
 from drapeline.geometry.warp_mesh import start_warp
-from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
+from drapeline.xpbd.body_vertices import CoveredVertices, push_off_body_vertices
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import make_all_moves, make_moves
 from drapeline.xpbd.solver import XpbdCloth
-from drapeline.xpbd.stepping import BusyLaunch, Numbers
+from drapeline.xpbd.stepping import BusyLaunch, XpbdSettings
 from toys.sheets import drop, sheet
 
 GAP_M, MARGIN_M = 0.003, 0.012
@@ -26,7 +26,7 @@ def vectors(rows):
 
 
 @pytest.fixture
-def lift(together):
+def lift(parallel):
     """lift(height, ...) -> heights of a triangle's corners, in the end and when the step began."""
     start_warp()
 
@@ -36,26 +36,26 @@ def lift(together):
         before = vectors(corners if then is None else TRIANGLE + np.float32([0, 0, then]))
         triangles = wp.array([faces], dtype=wp.vec3i)
         layers = wp.zeros(3, dtype=int)
-        cloth = NearTriangles(vectors(corners), triangles, layers, halves=1, together=together)
+        cloth = NearTriangles(vectors(corners), triangles, layers, halves=1, parallel=parallel)
         # One vertex of the body at the origin, which faces up.
         segments = np.array([JOINT_NAMES.index(joint)])
         still = SimpleNamespace(
             frame=lambda _: np.zeros((1, 3)), segments=segments, faces=[[0] * 3]
         )
-        skin = CoveredVertices(still, cloth, together=together)
+        skin = CoveredVertices(still, cloth, parallel=parallel)
         body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
         skin.find(place, body, margin_m=MARGIN_M)
         mass = wp.array(np.float32([1, 2, 3]), dtype=float)
         clock, friction = (wp.zeros(2, dtype=float) for _ in range(2))
         launch = BusyLaunch(
-            lift_covers,
+            push_off_body_vertices,
             skin.count,
             [
                 *(skin.covers, skin.from_place, skin.to_place, skin.up),
                 *(triangles, mass, clock, vectors([0, 0, 0])),
                 *(GAP_M, MARGIN_M, RELEASE_M, STICK_M, friction),
             ],
-            [moves := make_moves(3 * together), before, place],
+            [moves := make_moves(3 * parallel), before, place],
         )
         launch.find()
         for _ in range(steps):
@@ -98,7 +98,7 @@ def test_others_stay_where_they_are(lift, case):
 
 
 def test_a_ball_smaller_than_the_meshes_of_a_sheet_does_not_show_through_it(
-    tmp_path, device, together
+    tmp_path, device, parallel
 ):
     radius_m = 0.03
     ball = trimesh.creation.icosphere(subdivisions=3, radius=radius_m)
@@ -106,7 +106,7 @@ def test_a_ball_smaller_than_the_meshes_of_a_sheet_does_not_show_through_it(
     shown = []
     for margin_m in (1e-9, MARGIN_M):
         piece = sheet(radius_m + 0.005, rows=7, edge_m=0.06)
-        solver = XpbdCloth(Numbers(cover_margin_m=margin_m), device, together)
+        solver = XpbdCloth(XpbdSettings(cover_margin_m=margin_m), device, parallel)
         (cloth,) = drop(tmp_path, solver, [piece], 12, radius=radius_m)
         covered = rays_hit(
             ball.vertices[up], ball.vertex_normals[up], cloth[-1], triangulate(piece.faces),

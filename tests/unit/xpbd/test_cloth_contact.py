@@ -8,7 +8,7 @@ from toys.contacts import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
 CORNERS = np.array([[0.0, 0, 0], [0.03, 0, 0], [0, 0.03, 0]])
 
 
-def touch(height, *, before=None, side=1, layer=0, room=FAR, friction=0.0, slid=0.0):
+def touch(height, *, before=None, side=1, layer=0, clearance=FAR, friction=0.0, slid=0.0):
     """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     The vertex comes from the height `before`, and slides along x by `slid`.
@@ -24,7 +24,7 @@ def touch(height, *, before=None, side=1, layer=0, room=FAR, friction=0.0, slid=
         old,
         new,
         layers=layers,
-        room=room,
+        clearance=clearance,
         friction=(friction,),
     )
     return *found, new
@@ -35,10 +35,12 @@ def past(place):
     return place[3] - place[:3].mean(axis=0)
 
 
-@pytest.mark.parametrize(("layer", "room", "gap"), GAPS)
+@pytest.mark.parametrize(("layer", "clearance", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
-def test_what_came_too_close_is_moved_to_the_gap(layer, room, gap, side):
-    place, _, new = touch(side * 0.001, before=side * 0.02, side=side, layer=layer, room=room)
+def test_what_came_too_close_is_moved_to_the_gap(layer, clearance, gap, side):
+    place, _, new = touch(
+        side * 0.001, before=side * 0.02, side=side, layer=layer, clearance=clearance
+    )
     assert past(place)[2] == pytest.approx(side * gap, abs=1e-6)
     # Nothing from outside pushes.
     np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
@@ -49,9 +51,9 @@ def test_what_has_passed_through_comes_back():
     assert past(place)[2] == pytest.approx(OWN_GAP, abs=1e-6)
 
 
-@pytest.mark.parametrize(("height", "room"), [(0.0071, FAR), (0.0031, (0.009, 0.009))])
-def test_what_is_beyond_the_gap_is_left(height, room):
-    place, _, new = touch(height, before=0.02, room=room)
+@pytest.mark.parametrize(("height", "clearance"), [(0.0071, FAR), (0.0031, (0.009, 0.009))])
+def test_what_is_beyond_the_gap_is_left(height, clearance):
+    place, _, new = touch(height, before=0.02, clearance=clearance)
     np.testing.assert_allclose(place, new, atol=1e-9)
 
 

@@ -14,7 +14,7 @@ MARGIN_M, FREE_M = 0.012, 0.028
 SLACK = 1e-5  # far more than the search's numbers are rounded by
 
 
-def find(place, rest, triangles, layers, halves, together):
+def find(place, rest, triangles, layers, halves, parallel):
     """{(vertex, triangle): side} of the triangles near to each vertex."""
     start_warp()
     near = NearTriangles(
@@ -22,7 +22,7 @@ def find(place, rest, triangles, layers, halves, together):
         wp.array(triangles.astype(np.int32), dtype=wp.vec3i),
         wp.array(layers.astype(np.int32), dtype=int),
         halves,
-        together=together,
+        parallel=parallel,
     )
     place = wp.array(place.astype(np.float32), dtype=wp.vec3)
     near.find(place, margin_m=MARGIN_M, free_m=FREE_M)
@@ -75,10 +75,10 @@ def crumpled():
 
 
 @pytest.mark.parametrize("halves", [1, 2])
-def test_near_triangles_are_those_of_a_slow_search(crumpled, halves, together):
+def test_near_triangles_are_those_of_a_slow_search(crumpled, halves, parallel):
     """All that are near for certain, and none that are certainly not."""
     *_, triangles, layers = crumpled
-    found = find(*crumpled, halves, together)
+    found = find(*crumpled, halves, parallel)
     sure, possible = (slow_near(*crumpled, halves, slack) for slack in (-SLACK, SLACK))
     assert set(sure) <= set(found) <= set(possible)
     assert len(possible) - len(sure) < 0.05 * len(sure)
@@ -90,12 +90,12 @@ def test_near_triangles_are_those_of_a_slow_search(crumpled, halves, together):
     assert not all(own)
 
 
-def test_a_vertex_near_to_too_many_keeps_as_many_as_have_room(together):
+def test_a_vertex_near_to_too_many_keeps_as_many_as_have_room(parallel):
     count = 40
     stack = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
     rest = np.concatenate([*(stack + [0, 0, 1e-4 * k] for k in range(count)), [[0.02, 0.02, 0.01]]])
     layers = np.repeat([0, 1], [3 * count, 1])
     triangles = np.arange(3 * count).reshape(-1, 3)
-    near = find(rest, rest, triangles, layers, 1, together)
+    near = find(rest, rest, triangles, layers, 1, parallel)
     sides = [side for (vertex, _), side in near.items() if vertex == 3 * count]
     assert sides == [1] * 24

@@ -119,7 +119,7 @@ def _push(
     move(moves, place, before, i, weights[k], place[i], ways[k], 0.5 * ways[k])
 
 
-def pushed(which, weights, ways, together, passes=1):
+def pushed(which, weights, ways, parallel, passes=1):
     """Ways (5, 3) of vertices by pushes, and of the places that they came from."""
     start_warp()
     arrays = [
@@ -128,7 +128,7 @@ def pushed(which, weights, ways, together, passes=1):
         wp.array(np.float32(ways), dtype=wp.vec3),
     ]
     moves, before, place = (
-        make_moves(5 * together),
+        make_moves(5 * parallel),
         *(wp.zeros(5, dtype=wp.vec3) for _ in range(2)),
     )
     wp.launch(_push, dim=len(which), inputs=[*arrays, moves, before, place])
@@ -153,13 +153,13 @@ def sums(which, weights, ways):
 
 @pytest.mark.processor_only
 def test_in_turn_every_push_is_made(pushes):
-    place, before = pushed(*pushes, together=False)
+    place, before = pushed(*pushes, parallel=False)
     np.testing.assert_allclose(place, sums(*pushes)[0], atol=1e-7)
     np.testing.assert_allclose(before, sums(*pushes)[0] / 2, atol=1e-7)
 
 
 def test_at_once_the_sum_is_divided_by_the_root_of_the_shares(pushes):
-    place, before = pushed(*pushes, together=True)
+    place, before = pushed(*pushes, parallel=True)
     found, weight = sums(*pushes)
     assert weight[:4].min() > 2
     np.testing.assert_allclose(place, found / np.sqrt(np.maximum(weight, 1)), atol=1e-6)
@@ -168,18 +168,18 @@ def test_at_once_the_sum_is_divided_by_the_root_of_the_shares(pushes):
 
 
 def test_pushes_of_small_shares_are_made_in_full():
-    place, _ = pushed([2, 2], [0.3, 0.6], [[0.001, 0, 0], [0, 0.002, 0]], together=True)
+    place, _ = pushed([2, 2], [0.3, 0.6], [[0.001, 0, 0], [0, 0.002, 0]], parallel=True)
     np.testing.assert_allclose(place[2], [0.001, 0.002, 0], atol=1e-9)
 
 
 def test_the_order_makes_no_difference_to_the_bit(pushes):
-    place, before = pushed(*pushes, together=True)
+    place, before = pushed(*pushes, parallel=True)
     order = rng_for(4, "order").permutation(40)
-    again, then = pushed(*(part[order] for part in pushes), together=True)
+    again, then = pushed(*(part[order] for part in pushes), parallel=True)
     np.testing.assert_array_equal(again, place)
     np.testing.assert_array_equal(then, before)
 
 
 def test_moves_that_were_made_are_forgotten(pushes):
-    once, twice = (pushed(*pushes, together=True, passes=n)[0] for n in (1, 2))
+    once, twice = (pushed(*pushes, parallel=True, passes=n)[0] for n in (1, 2))
     np.testing.assert_array_equal(twice, once)

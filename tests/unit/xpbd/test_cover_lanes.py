@@ -18,13 +18,13 @@ from toys.sheets import sheet
 MARGIN_M, SLACK = 0.012, 1e-5
 
 
-def covers_of(body, ups, place, triangles, halves, together):
+def covers_of(body, ups, place, triangles, halves, parallel):
     """[{triangle}] over each vertex of a body, whose normals are `ups`."""
     faces = wp.array(triangles.astype(np.int32), dtype=wp.vec3i)
     layers = wp.zeros(len(place), dtype=int)
     at = wp.array(place.astype(np.float32), dtype=wp.vec3)
-    cloth = NearTriangles(at, faces, layers, halves, together=together)
-    skin = CoveredVertices(body, cloth, together=together)
+    cloth = NearTriangles(at, faces, layers, halves, parallel=parallel)
+    skin = CoveredVertices(body, cloth, parallel=parallel)
     start = wp.array(body.frame(0).astype(np.float32), dtype=wp.vec3)
     normals = wp.array(ups.astype(np.float32), dtype=wp.vec3)
     skin.find(at, (start, start, normals), margin_m=MARGIN_M)
@@ -49,7 +49,7 @@ def slow_covers(points, ups, place, triangles, slack):
     return near & (np.minimum(u, v) > -COVER_ASIDE - slack) & (u + v < 1 + COVER_ASIDE + slack)
 
 
-def test_triangles_over_the_body_are_those_of_a_slow_search(tmp_path, together):
+def test_triangles_over_the_body_are_those_of_a_slow_search(tmp_path, parallel):
     """All that cover it for certain, and none that certainly do not, as many as there is room."""
     start_warp()
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
@@ -60,7 +60,7 @@ def test_triangles_over_the_body_are_those_of_a_slow_search(tmp_path, together):
     crumpled = rings.vertices + rng_for(2, "crumpled").normal(0, 0.015, rings.vertices.shape)
     with PointCache(tmp_path / "ball.pc2") as cache:
         body = MovingBody(cache, ball.faces, segments)
-        found = covers_of(body, tilt, crumpled, rings.faces, 1, together)
+        found = covers_of(body, tilt, crumpled, rings.faces, 1, parallel)
     args = ball.vertices, tilt, crumpled, rings.faces
     sure, possible = (slow_covers(*args, slack) for slack in (-SLACK, SLACK))
     assert possible.sum() - sure.sum() < 0.05 * sure.sum()
@@ -73,7 +73,7 @@ def test_triangles_over_the_body_are_those_of_a_slow_search(tmp_path, together):
     assert {0, 1, 2, SLOTS} <= counts
 
 
-def test_both_halves_of_a_quad_are_looked_at(tmp_path, together):
+def test_both_halves_of_a_quad_are_looked_at(tmp_path, parallel):
     start_warp()
     level = sheet(0.005, rows=3, edge_m=0.03)
     points = np.float32([[0.005, 0.02, 0], [0.02, 0.005, 0], [0.3, 0.3, 0]])
@@ -83,7 +83,7 @@ def test_both_halves_of_a_quad_are_looked_at(tmp_path, together):
     with PointCache(tmp_path / "points.pc2") as cache:
         body = MovingBody(cache, np.array([[0, 1, 2]]), segments)
         ups = np.tile([0.0, 0, 1], (3, 1))
-        found = covers_of(body, ups, level.vertices, triangles, 2, together)
+        found = covers_of(body, ups, level.vertices, triangles, 2, parallel)
     expected = slow_covers(points, ups, level.vertices, triangles, 0)
     assert [sorted(row) for row in found] == [np.flatnonzero(row).tolist() for row in expected]
     assert {number % 2 for row in found for number in row} == {0, 1}

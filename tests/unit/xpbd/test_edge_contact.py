@@ -19,7 +19,7 @@ from toys.contacts import FAR, GAPS, MASS, RELEASE_M, after_contact
 from toys.sheets import sheet
 
 
-def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):
+def touch(height, *, before=None, side=1, layer=0, clearance=FAR, shift=0.0):
     """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     An edge along y, shifted along x, crosses another along x at a height; it was at the height
@@ -30,7 +30,9 @@ def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):
     old[2:, 2] = height if before is None else before
     near, layers = [2 * side, 0], [0, 0, layer, layer]
     edges = [[0, 1], [2, 3]]
-    return *after_contact(touch_edges, near, edges, old, new, layers=layers, room=room), new
+    return *after_contact(
+        touch_edges, near, edges, old, new, layers=layers, clearance=clearance
+    ), new
 
 
 def rise(place, at=(1 / 3, 2 / 3)):
@@ -39,21 +41,23 @@ def rise(place, at=(1 / 3, 2 / 3)):
     return (place[2] + at[1] * (place[3] - place[2]) - under)[2]
 
 
-@pytest.mark.parametrize(("layer", "room", "gap"), GAPS)
+@pytest.mark.parametrize(("layer", "clearance", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
-def test_edges_that_came_too_close_are_moved_to_the_gap(layer, room, gap, side):
+def test_edges_that_came_too_close_are_moved_to_the_gap(layer, clearance, gap, side):
     # The first is below the second, so along d x e, which points up, it is on the negative side.
-    place, _, new = touch(side * 0.001, before=side * 0.02, side=-side, layer=layer, room=room)
+    place, _, new = touch(
+        side * 0.001, before=side * 0.02, side=-side, layer=layer, clearance=clearance
+    )
     assert rise(place) == pytest.approx(side * gap, abs=1e-6)
     np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("height", "shift", "room"),
+    ("height", "shift", "clearance"),
     [(0.0071, 0.0, FAR), (0.001, 0.021, FAR), (0.0031, 0.0, (0.009, 0.009))],
 )
-def test_edges_that_do_not_meet_are_left(height, shift, room):
-    place, _, new = touch(height, before=0.02, side=-1, shift=shift, room=room)
+def test_edges_that_do_not_meet_are_left(height, shift, clearance):
+    place, _, new = touch(height, before=0.02, side=-1, shift=shift, clearance=clearance)
     np.testing.assert_allclose(place, new, atol=1e-9)
 
 
@@ -68,7 +72,7 @@ def vectors(values, dtype=wp.vec3):
 
 
 @pytest.fixture
-def searched(together):
+def searched(parallel):
     """A level sheet and an upright strip that passes through it, or ends above it."""
     start_warp()
 
@@ -82,7 +86,7 @@ def searched(together):
         pairs = edges(quads).astype(np.int32)
         layers = vectors(np.repeat([0, 1], [81, 20]).astype(np.int32), int)
         faces = vectors(triangles, wp.vec3i)
-        near = NearTriangles(points, faces, layers, 2, together=together)
+        near = NearTriangles(points, faces, layers, 2, parallel=parallel)
         near.find(points, margin_m=0.012, free_m=0.028)
         crossings = Crossings(vectors(pairs, wp.vec2i), faces)
         before = near.count.numpy().copy()
@@ -145,7 +149,7 @@ def test_corners_opposite_to_edges():
     )
 
 
-def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together):
+def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
     """As a whole nothing moves, or hardly where vertices share their moves; nothing gets speed."""
     start_warp()
     level = sheet(0.0, rows=9, edge_m=0.02)
@@ -159,14 +163,14 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together):
     before = wp.clone(place)
     edge, face = vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i)
     layers = vectors(np.repeat([0, 1], [81, 25]).astype(np.int32), int)
-    near = NearTriangles(wp.clone(place), face, layers, 2, together=together)
+    near = NearTriangles(wp.clone(place), face, layers, 2, parallel=parallel)
     crossings = Crossings(edge, face)
     opposite = vectors(opposite_vertices(pairs, triangles), wp.vec2i)
     move = BusyLaunch(
         untangle,
         crossings.count,
         [crossings.crossed, edge, opposite, face, vectors(inverse, float)],
-        [5e-4, moves := make_moves(106 * together), before, place],
+        [5e-4, moves := make_moves(106 * parallel), before, place],
     )
     left = []
     for _ in range(15):
@@ -180,9 +184,9 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together):
     assert left[-1] == 0
     moved = place.numpy() - points
     ways = (moved / inverse[:, None])[:, 2]
-    share = 0.25 if together else 1e-3
+    share = 0.25 if parallel else 1e-3
     assert abs(ways.sum()) < share * np.abs(ways).sum()  # all of it if one sheet alone moved
-    if not together:
+    if not parallel:
         np.testing.assert_allclose((moved / inverse[:, None]).sum(axis=0), 0, atol=1e-5)
     assert moved[81:, 2].max() > 1e-3
     np.testing.assert_allclose(before.numpy() - points, moved, atol=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, NUMBERS, lay_in_lanes
+from drapeline.geometry.lanes import LaneFloats, LaneInts, lay_in_lanes
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.outfits.fabrics import FABRICS
@@ -34,11 +34,11 @@ def cloth(request):
 
 
 def numbers(values, lanes):
-    return laid(values.astype(np.float32), lanes, float, NUMBERS)
+    return laid(values.astype(np.float32), lanes, float, LaneFloats)
 
 
 def indices(values, lanes):
-    return laid(values.astype(np.int32), lanes, int, INDICES)
+    return laid(values.astype(np.int32), lanes, int, LaneInts)
 
 
 def laid(values, lanes, dtype, lane_dtype):

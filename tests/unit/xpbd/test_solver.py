@@ -26,7 +26,7 @@ def test_it_takes_a_gpu_where_there_is_one_and_it_may(monkeypatch):
     assert [cloth_solver(1, name).device for name in ("cpu", "auto", "gpu")] == [
         *("cpu", "cuda", "cuda")
     ]
-    assert cloth_solver(1, "gpu").settings["together"]
+    assert cloth_solver(1, "gpu").settings["parallel"]
     monkeypatch.setattr(wp, "is_cuda_available", lambda: False)
     assert cloth_solver(1, "auto") == cloth_solver(1)
     with pytest.raises(InputError, match=r"^simulation.accelerator is gpu, but .* no CUDA device"):

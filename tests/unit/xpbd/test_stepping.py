@@ -12,8 +12,8 @@ from drapeline.xpbd import system
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import (
     BusyLaunch,
-    Numbers,
     Replay,
+    XpbdSettings,
     add_speed,
     hold,
     predict,
@@ -203,7 +203,7 @@ def test_cloth_lies_on_the_floor_and_rises_with_it(run):
 def test_old_depth_comes_out_as_fast_whatever_the_steps(run, steps):
     (lifted,) = run([sheet(0.0)], 4, path=far_away, floor_m=np.full(4, 0.2), steps=steps)
     rise = np.diff(lifted[:, :, 2].mean(axis=1)) * 30
-    assert rise == pytest.approx(np.full(3, Numbers().release_m_s), rel=0.02)
+    assert rise == pytest.approx(np.full(3, XpbdSettings().release_m_s), rel=0.02)
 
 
 def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):
@@ -290,7 +290,7 @@ def test_triangles_are_simulated_as_well(run):
 @pytest.fixture
 def run_at_once(tmp_path, device):
     """As `run`, but constraints of a colour and contacts of a kind act at once."""
-    return partial(drop, tmp_path, XpbdCloth(device=device, together=True))
+    return partial(drop, tmp_path, XpbdCloth(device=device, parallel=True))
 
 
 def test_constraints_at_once_are_those_in_turn(tmp_path, run_at_once):

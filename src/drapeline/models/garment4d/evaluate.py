@@ -16,7 +16,6 @@ from drapeline.bodies.model import load_bodies, posed_vertices
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.learning_data.body_relative_points import nearest_vertices
@@ -283,7 +282,7 @@ class SplitEvaluation:
         rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
         poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-        return poses, self.sequences.bodies.of(GENDERS[data.gender[sequence]], shape)
+        return poses, self.sequences.bodies.of(data.gender[sequence], shape)
 
     def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None

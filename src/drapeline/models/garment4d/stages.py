@@ -58,10 +58,10 @@ from drapeline.models.training.checkpoints import (
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
 from drapeline.registration.to_points import WornGarmentStatistics
-from drapeline.registration.to_template.garment_space import SPACE_ARRAYS, GarmentSpace
+from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import forms_of, load_npz, save_npz
 
 _THINNED = (1, 2, 4)  # maps are fitted to every point, every second and every fourth one
 _BATCH = 4  # windows at once where no gradient is wanted
@@ -480,7 +480,7 @@ def _build(metadata: Mapping[str, Any]) -> Stage:
     if "canonical" in metadata:
         return cls(settings, _build(metadata["canonical"]))
     arrays = {key: value.numpy() for key, value in metadata["space"].items()}
-    check_arrays(arrays, SPACE_ARRAYS)
+    check_arrays(arrays, forms_of(GarmentSpace))
     stage = cls(settings, GarmentSpace(**arrays), metadata["label"])
     stage.out_of_fold_alpha = metadata.get("out_of_fold_alpha", {})
     return stage

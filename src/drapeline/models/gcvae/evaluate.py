@@ -8,7 +8,6 @@ import torch
 
 from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.rest_body import rest_body
-from drapeline.frames import GENDERS
 from drapeline.job import Job
 from drapeline.learning_data.moving import MovingGarment, load_moving
 from drapeline.learning_data.static import StaticData
@@ -153,7 +152,7 @@ def evaluate_baselines(job: Job) -> None:
     truth = Truth(
         data.offsets,
         data.mask,
-        body=lambda row: rest_body(bodies[GENDERS[data.gender[row]]], data.shape[row]),
+        body=lambda row: rest_body(bodies[data.gender[row]], data.shape[row]),
         faces=lambda row: topology.faces_of(GARMENTS[data.garment[row]]),
         body_faces=topology.faces,
     )

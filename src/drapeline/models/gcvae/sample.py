@@ -201,9 +201,8 @@ class Request:
     @property
     def cvar(self) -> np.ndarray:
         """(13,) float32 conditions of the static VAE."""
-        gender = GENDERS.index(self.gender)
         signed = signed_tightness(self.tightness, self.gender)
-        return static_cvar(self.shape[None], np.array([gender]), signed[None])[0]
+        return static_cvar(self.shape[None], np.array([self.gender]), signed[None])[0]
 
 
 def draw_requests(

@@ -93,7 +93,7 @@ def _farthest(
 
 
 @wp.struct
-class _Grid:
+class _PointGrid:
     """Points of all clouds in the cells of one grid.
 
     Attributes:
@@ -123,7 +123,7 @@ def _cell(x: float, count: int):
 
 
 @wp.func
-def _row(grid: _Grid, cloud: int, first: int, last: int, y: int, z: int):
+def _row(grid: _PointGrid, cloud: int, first: int, last: int, y: int, z: int):
     """Start and end of the points in cells `first` to `last` of a row."""
     span = wp.vec2i(0, 0)
     left = wp.max(first, 0)
@@ -135,7 +135,7 @@ def _row(grid: _Grid, cloud: int, first: int, last: int, y: int, z: int):
 
 
 @wp.func
-def _nearest_in_rings(grid: _Grid, cloud: int, place: wp.vec3, x: int, y: int, z: int):
+def _nearest_in_rings(grid: _PointGrid, cloud: int, place: wp.vec3, x: int, y: int, z: int):
     """Index of the point nearest to a place in cell x, y, z; -1 if it is many cells away."""
     least = float(wp.inf)
     best = wp.int64(-1)
@@ -180,7 +180,7 @@ def _nearest_of_all(
 
 
 @wp.func
-def _count_around(grid: _Grid, cloud: int, x: int, y: int, z: int):
+def _count_around(grid: _PointGrid, cloud: int, x: int, y: int, z: int):
     """Points in a cell and its neighbours."""
     count = int(0)  # noqa: RUF046, UP018
     for k in range(z - 1, z + 2):
@@ -192,7 +192,7 @@ def _count_around(grid: _Grid, cloud: int, x: int, y: int, z: int):
 
 @wp.func
 def _fill_from_cells(
-    grid: _Grid,
+    grid: _PointGrid,
     cloud: int,
     place: wp.vec3,
     x: int,
@@ -244,7 +244,7 @@ def _fill_in_order(
 def _ball(
     points: wp.array2d(dtype=wp.vec3),
     valid: wp.array2d(dtype=wp.bool),
-    grid: _Grid,
+    grid: _PointGrid,
     centres: wp.array2d(dtype=wp.vec3),
     squared_radius: float,
     chosen: wp.array3d(dtype=wp.int64),
@@ -315,7 +315,7 @@ def _nearest(
 def _nearest_one(
     points: wp.array2d(dtype=wp.vec3),
     valid: wp.array2d(dtype=wp.bool),
-    grid: _Grid,
+    grid: _PointGrid,
     queries: wp.array2d(dtype=wp.vec3),
     squared: wp.array3d(dtype=float),
     chosen: wp.array3d(dtype=wp.int64),
@@ -402,7 +402,7 @@ class BallSearch:
         self._points, self._radius, self._valid = points, radius, _valid(points, valid)
 
     @cached_property
-    def _grid(self) -> _Grid:
+    def _grid(self) -> _PointGrid:
         return _grid(self._points, self._valid, self._radius)
 
     @torch.no_grad()
@@ -430,7 +430,7 @@ def _grid(
     valid: torch.Tensor,
     radius: float,
     cells_per_point: int = _CELLS_PER_POINT,
-) -> _Grid:
+) -> _PointGrid:
     """A grid of which a cell and its neighbours hold all points within a radius of the cell.
 
     Its cells are as small as may be; there are no more than so many per point.
@@ -449,7 +449,7 @@ def _grid(
     order = key.argsort(dim=1, stable=True)
     start = points.new_zeros((len(points), math.prod(cells) + 2), dtype=torch.int32)
     start.scatter_add_(1, key + 1, torch.ones_like(key, dtype=torch.int32))
-    grid = _Grid()
+    grid = _PointGrid()
     grid.points, grid.index = _vectors(gather_rows(points, order)), wp.from_torch(order)
     grid.start = wp.from_torch(start.cumsum(1, dtype=torch.int32))
     grid.low, grid.side = wp.vec3(*low.tolist()), side

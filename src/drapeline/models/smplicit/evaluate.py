@@ -11,7 +11,6 @@ import torch
 
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, face_normals, loop_count, mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.job import Job
@@ -115,7 +114,7 @@ def field_errors(
     batch = data.batch(rows)
     found = []
     for index, code in enumerate(z):
-        field = NetworkField(network, code, batch["shape"][index], int(batch["gender"][index]))
+        field = NetworkField(network, code, batch["shape"][index], data.gender[rows[index]])
         measured = {}
         for name in ("near", "space"):
             half = batch[name].shape[1] // 2
@@ -237,7 +236,7 @@ class FieldEvaluation:
         return table, HeldOut(self._data.outfit[rows], self._data.garment[rows], z, sheets)
 
     def _body(self, row: int) -> Mesh:
-        body = self._model.bodies[GENDERS[self._data.gender[row]]]
+        body = self._model.bodies[self._data.gender[row]]
         return Mesh(rest_body(body, self._data.shape[row]), body.faces)
 
     def _decoded(
@@ -246,7 +245,7 @@ class FieldEvaluation:
         measures, sheets = [], []
         pairs = zip(rows, z, strict=True)
         for row, code in progress(pairs, total=len(rows), label=label):
-            shape, gender = self._data.shape[row], int(self._data.gender[row])
+            shape, gender = self._data.shape[row], self._data.gender[row]
             field, body = NetworkField(self._model.network, code, shape, gender), self._body(row)
             sheet, walls = garment_of_field(field, self._model.box, body, self._meshing)
             true = self._meshes[int(row)]
@@ -263,11 +262,11 @@ class FieldEvaluation:
 
     def _mean_garments(self, rows: np.ndarray) -> Iterator[Measures]:
         """The surface of the mean code on each gender's mean body, carried to the wearer's."""
-        known: dict[int, tuple[Mesh, Mesh]] = {}
+        known: dict[str, tuple[Mesh, Mesh]] = {}
         for row in rows:
-            gender = int(self._data.gender[row])
+            gender = self._data.gender[row]
             if gender not in known:
-                model, shape = self._model.bodies[GENDERS[gender]], np.zeros(SHAPES)
+                model, shape = self._model.bodies[gender], np.zeros(SHAPES)
                 mean = Mesh(rest_body(model, shape), model.faces)
                 field = NetworkField(self._model.network, self._model.mean_code, shape, gender)
                 found = garment_of_field(field, self._model.box, mean, self._meshing)
@@ -343,7 +342,7 @@ def _rebuilt(
     sheet: Mesh,
     meshing: Meshing,
 ) -> RebuiltGarment:
-    garment, gender = GARMENTS[data.garment[row]], GENDERS[data.gender[row]]
+    garment, gender = GARMENTS[data.garment[row]], data.gender[row]
     wearer = {"gender": gender, "shape": data.shape[row]}
     body = model.bodies[gender]
     return RebuiltGarment(

@@ -7,7 +7,6 @@ import numpy as np
 
 from drapeline.bodies.model import load_bodies
 from drapeline.bodies.sequence import first_frames, load_body_sequence
-from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.job import Job
 from drapeline.learning_data.garment_fields import FieldData
@@ -64,10 +63,9 @@ def pose_garment(job: Job) -> None:
     params = job.params
     model = SmplicitModel(job.input.model)
     record = load_body_sequence(f"{job.input.bodies}/{params.sample}.npz")
-    gender = GENDERS[record.gender]
-    wearer, meshing = {"gender": gender, "shape": record.shape}, Meshing(**params.meshing)
+    wearer, meshing = {"gender": record.gender, "shape": record.shape}, Meshing(**params.meshing)
     name, z, garment = worn_prototype(job.input.gallery, model, meshing, **wearer)
-    worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
+    worn = garment, nearest_type(z, model.codes), model.bodies[record.gender], record
 
     def clip(frames: np.ndarray, skinning: str) -> list[WornGarment]:
         return worn_clip(*worn, frames, skinning=skinning, push_out=params.push_out)

@@ -21,7 +21,7 @@ import torch
 from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.garments import FIELD_MODELS
@@ -100,7 +100,7 @@ class SmplicitModel:
         """
         z = finite("code", z, self.latent)
         check_gender(gender)
-        return NetworkField(self.network, z, finite("shape", shape, SHAPES), GENDERS.index(gender))
+        return NetworkField(self.network, z, finite("shape", shape, SHAPES), gender)
 
     def decode(
         self,
@@ -146,7 +146,7 @@ class GarmentCodes(NamedTuple):
         garment: (n,) types, indices into `GARMENTS`.
         outfit: (n,) names of their outfits.
         shape: (n, 10) of the wearers.
-        gender: (n,) of the wearers, 0 female, 1 male.
+        gender: (n,) of the wearers, "female" or "male".
     """
 
     z: np.ndarray
@@ -184,7 +184,7 @@ def save_model_files(
         garment=data.garment[rows],
         outfit=data.outfit[rows],
         shape=data.shape[rows],
-        gender=data.gender[rows],
+        gender=gender_codes(data.gender[rows]),
     )
     for gender, body in bodies.items():
         save_body(body_file(folder, gender), body)
@@ -205,4 +205,5 @@ def load_training_codes(folder: str | Path) -> GarmentCodes:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    return GarmentCodes(**load_npz(Path(folder) / TRAINING_CODES, _CODES))
+    arrays = load_npz(Path(folder) / TRAINING_CODES, _CODES)
+    return GarmentCodes(**arrays | {"gender": gender_names(arrays["gender"])})

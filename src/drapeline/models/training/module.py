@@ -20,7 +20,7 @@ BEST, SETTINGS = "best.safetensors", "settings.json"
 RATE_SHARE = "rate_share"
 
 
-class _Settings(Protocol):
+class _HasTraining(Protocol):
     training: Training
 
 
@@ -49,7 +49,7 @@ class TrainableModule(torch.nn.Module, ABC):
     """
 
     checkpoint_type: ClassVar[str]
-    settings: _Settings
+    settings: _HasTraining
 
     def __init__(self) -> None:
         super().__init__()

@@ -117,11 +117,7 @@ def cut_garment(
     trousers: Numbers | None = None,
     skirt: Numbers | None = None,
 ) -> Pattern:
-    """Build one garment; an upper part together with a lower one is sewn at the waist.
-
-    Args:
-        upper, trousers, skirt: sampled numbers of each part the garment has.
-    """
+    """Build a garment from the sampled numbers of its parts, which are sewn at the waist."""
     pattern = Pattern()
     below = trousers_cut(form, trousers) if trousers else skirt_cut(form, skirt) if skirt else None
     half, waist_ids = None, None

@@ -25,43 +25,26 @@ _SEAM_M = 0.15  # over which a sewn waist evens out
 
 @dataclass(frozen=True)
 class TrousersCut:
-    """Measures of trousers, metres.
+    """Measures of trousers, metres."""
 
-    Attributes:
-        waist: height of the upper end.
-        cuff: height of the lower ends on the legs' axes.
-        rise: the crotch seam's distance below the body's crotch.
-        ease: distance added around the hips.
-        leg: width along the leg, x from the hip joint.
-    """
-
-    waist: float
-    cuff: float
-    rise: float
-    ease: float
-    leg: WidthLine
+    waist: float  # height of the upper end
+    cuff: float  # height of the lower ends on the legs' axes
+    rise: float  # the crotch seam's distance below the body's crotch
+    ease: float  # distance added around the hips
+    leg: WidthLine  # width along the leg, x from the hip joint
 
 
 @dataclass(frozen=True)
 class SkirtCut:
-    """Measures of a skirt, metres.
+    """Measures of a skirt, metres."""
 
-    Attributes:
-        waist: height of the upper end.
-        hem: height of the lower end.
-        width: width along the vertical axis, x from the waist.
-        flutes: number of soft folds around the hem.
-        fullness: depth of the folds at the hem in shares of its radius.
-        phase: angle of the first fold, radians.
-        wander: seeds of the unevenness of the folds, four numbers in [0, 1).
-    """
-
-    waist: float
-    hem: float
-    width: WidthLine
-    flutes: int
-    fullness: float
-    phase: float
+    waist: float  # height of the upper end
+    hem: float  # height of the lower end
+    width: WidthLine  # width along the vertical axis, x from the waist
+    flutes: int  # number of soft folds around the hem
+    fullness: float  # depth of the folds at the hem in shares of its radius
+    phase: float  # angle of the first fold, radians
+    # Seeds of the unevenness of the folds, four numbers in [0, 1).
     wander: tuple[float, float, float, float]
 
 

@@ -119,9 +119,7 @@ _SIDES = (("left", 1.0), ("right", -1.0))
 def separator(pattern: Pattern, between_legs_m: float = BETWEEN_LEGS_M) -> Constraint:
     """A function that puts vertices (V, 3) of a garment back on their own sides, in place.
 
-    Args:
-        pattern: of the garment, with its marks.
-        between_legs_m: half the distance that is kept between two trouser legs.
+    Half of the distance between two trouser legs is `between_legs_m`.
     """
     marks = pattern.marks
     legs = [(marks[f"{s}_leg"], sign) for s, sign in _SIDES if f"{s}_leg" in marks]

@@ -24,41 +24,23 @@ GAP_M = 0.012  # cloth to dress form
 
 @dataclass(frozen=True)
 class UpperCut:
-    """Measures of an upper-body garment, metres.
+    """Measures of an upper-body garment, metres."""
 
-    Attributes:
-        hem: height of the lower end.
-        ease: distance added around the chest; `flare` more for each metre below it.
-        flare: metres per metre.
-        shaping: how fast cloth comes back to the body below the chest, metres per metre.
-        drop: the underarm's distance below the body's armpit.
-        shoulder_x: outer end of the shoulder seam.
-        neck_x: half width of the neckline at the shoulder seam.
-        neck_depth: how far the neckline comes down in front.
-        neck_depth_back: the same behind.
-        neckline: "crew", "v" or "scoop".
-        scye: how far armholes are cut inwards between shoulder and underarm.
-        sleeve_x: where sleeves end along the arm; None means no sleeves.
-        sleeve: width along the arm, x from the shoulder joint.
-        front: "closed", "polo" or "open".
-        placket: length of a polo's opening.
-    """
-
-    hem: float
-    ease: float
-    flare: float
-    shaping: float
-    drop: float
-    shoulder_x: float
-    neck_x: float
-    neck_depth: float
-    neck_depth_back: float
-    neckline: str
-    scye: float
-    sleeve_x: float | None
-    sleeve: WidthLine | None
-    front: str
-    placket: float
+    hem: float  # height of the lower end
+    ease: float  # distance added around the chest; `flare` more for each metre below it
+    flare: float  # metres per metre
+    shaping: float  # how fast cloth comes back to the body below the chest, metres per metre
+    drop: float  # the underarm's distance below the body's armpit
+    shoulder_x: float  # outer end of the shoulder seam
+    neck_x: float  # half width of the neckline at the shoulder seam
+    neck_depth: float  # how far the neckline comes down in front
+    neck_depth_back: float  # the same behind
+    neckline: str  # "crew", "v" or "scoop"
+    scye: float  # how far armholes are cut inwards between shoulder and underarm
+    sleeve_x: float | None  # where sleeves end along the arm; None means no sleeves
+    sleeve: WidthLine | None  # width along the arm, x from the shoulder joint
+    front: str  # "closed", "polo" or "open"
+    placket: float  # length of a polo's opening
 
 
 @dataclass(frozen=True)

@@ -70,12 +70,7 @@ class BodyMesh:
         return border
 
     def clean(self, mask: np.ndarray, slit: np.ndarray) -> np.ndarray:
-        """The mask in one piece, without holes, whose border is a line that never meets itself.
-
-        Args:
-            mask: (V,) bool.
-            slit: (V,) bool, vertices to leave bare although they would be holes.
-        """
+        """The mask (V,) in one piece, without holes but the slit (V,); no border meets itself."""
         mask = (mask | (self._hole_pieces(mask) >= 0)) & ~slit
         mask = mask | (self._hole_pieces(mask) >= 0)  # a slit leads to an opening
         for _ in range(_ROUNDS):
@@ -128,19 +123,13 @@ _OVERLAP_M = 0.003
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Body vertices and their points on a garment.
+    """Body vertices and their points on a garment."""
 
-    Attributes:
-        mask: (V,) bool.
-        corner: (V, 3) int32 garment vertices whose triangle or edge holds the point; 0 outside
-            the mask.
-        bary: (V, 3) float32 weights of the corners, which sum to 1 within the mask.
-        holes, islands: of the mask, before it was cleaned.
-    """
-
-    mask: np.ndarray
+    mask: np.ndarray  # (V,) bool
+    # (V, 3) int32 garment vertices whose triangle or edge holds the point; 0 outside the mask.
     corner: np.ndarray
-    bary: np.ndarray
+    bary: np.ndarray  # (V, 3) float32 weights of the corners, which sum to 1 within the mask
+    # holes, islands: of the mask, before it was cleaned.
     holes: int
     islands: int
 
@@ -149,23 +138,13 @@ class Correspondence:
         return (garment[self.corner] * self.bary[..., None]).sum(1).astype(np.float32)
 
     def offsets(self, garment: np.ndarray, body: np.ndarray) -> np.ndarray:
-        """X = C - T (V, 3) float32 metres, zero outside the mask.
-
-        Args:
-            garment: (C, 3) vertices of the garment.
-            body: (V, 3) vertices of the body.
-        """
+        """X = C - T (V, 3) float32 metres of garment (C, 3) and body (V, 3), zero if unmasked."""
         return np.where(self.mask[:, None], self.points(garment) - body, 0).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class _ClothPoints:
-    """Points on a garment.
-
-    Attributes:
-        corner: (P, 3) vertex ids.
-        bary: (P, 3) float64 weights.
-    """
+    """Points on a garment: corners (P, 3), ids of vertices, and float64 weights (P, 3)."""
 
     corner: np.ndarray
     bary: np.ndarray

@@ -7,55 +7,36 @@ by linear blend skinning with its own weights, and C_s is the garment in rest.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from drapeline.bodies.kinematics import skin_points, unskin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 Version = Literal["posed", "unposed"]
 
 
 @dataclass(frozen=True)
 class SampleGarment:
-    """A garment of a simulated sample, registered in its rest pose.
+    """A garment of a simulated sample, registered in its rest pose."""
 
-    Attributes:
-        mask: (V,) bool body vertices that the garment covers.
-        vertex: (M,) int32, their ids.
-        corner: (M, 3) int32 garment vertices between which each one's point lies.
-        bary: (M, 3) float32 weights of the corners.
-        offsets: (V, 3) float32 static offsets in metres, zero outside of the mask.
-        weights: (M, 24) float32 skinning weights.
-    """
-
-    mask: np.ndarray
-    vertex: np.ndarray
-    corner: np.ndarray
-    bary: np.ndarray
-    offsets: np.ndarray
-    weights: np.ndarray
+    mask: Annotated[np.ndarray, "bool v"]  # body vertices that the garment covers
+    vertex: Annotated[np.ndarray, "int<v m"]  # their ids
+    corner: Annotated[np.ndarray, "int m 3"]  # garment vertices that each one's point lies between
+    bary: Annotated[np.ndarray, "float m 3"]  # weights of the corners
+    offsets: Annotated[np.ndarray, "float v 3"]  # static, in metres, zero outside of the mask
+    weights: Annotated[np.ndarray, "float m 24"]  # of skinning
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **vars(self))
+        save_record(path, self)
 
     def points(self, garment: np.ndarray) -> np.ndarray:
         """(N, M, 3) float32 registered points on garment vertices (N, C, 3)."""
         return np.einsum("nmki,mk->nmi", garment[:, self.corner], self.bary)
-
-
-_ARRAYS = {
-    "mask": "bool v",
-    "vertex": "int<v m",
-    "corner": "int m 3",
-    "bary": "float m 3",
-    "offsets": "float v 3",
-    "weights": "float m 24",
-}
 
 
 def load_sample_garment(path: str | Path) -> SampleGarment:
@@ -64,7 +45,7 @@ def load_sample_garment(path: str | Path) -> SampleGarment:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    return SampleGarment(**load_npz(path, _ARRAYS))
+    return load_record(path, SampleGarment)
 
 
 def dynamic_offsets(
@@ -75,7 +56,7 @@ def dynamic_offsets(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Offsets of a garment in some frames.
+    """(N, V, 3) float32 metres: a garment's offsets in some frames, zero outside of the mask.
 
     Args:
         garment: its registration.
@@ -84,9 +65,6 @@ def dynamic_offsets(
         shape: (10,).
         poses: (N, 72) of the frames, rad.
         version: "posed" or "unposed".
-
-    Returns:
-        (N, V, 3) float32 metres, zero outside of the mask.
     """
     points = garment.points(cloth)
     if version == "posed":
@@ -108,14 +86,11 @@ def points_from_offsets(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Registered points in motion from dynamic offsets: the inverse of `dynamic_offsets`.
+    """(N, M, 3) root-relative metres: the inverse of `dynamic_offsets`, at the registered points.
 
     Args:
         garment, body, shape, poses, version: as for `dynamic_offsets`.
         offsets: (N, V, 3) what it returned, or a prediction.
-
-    Returns:
-        (N, M, 3) metres relative to the root joint.
     """
     dynamic = offsets[:, garment.vertex]
     if version == "posed":

@@ -31,19 +31,14 @@ _SPREAD = 0.1
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Pooling tables, by topology ("body", "skirt") and then by level, the finest first.
+    """Pooling tables, by topology ("body", "skirt") and then by level, the finest first."""
 
-    Attributes:
-        parents: five tables (n_l,) int32, vertex of the next level that each becomes part of.
-        edges: six tables (E_l, 2) int32 with i < j; the following are six tables too.
-        positions: (n_l, 3) float32 metres, in the rest pose.
-        vertices: (n_l,) int32, vertex of the body that stands for each.
-    """
-
+    # Five tables (n_l,) int32, vertex of the next level that each becomes part of.
     parents: dict[str, list[np.ndarray]]
+    # Six tables (E_l, 2) int32 with i < j; the following are six tables too.
     edges: dict[str, list[np.ndarray]]
-    positions: dict[str, list[np.ndarray]]
-    vertices: dict[str, list[np.ndarray]]
+    positions: dict[str, list[np.ndarray]]  # (n_l, 3) float32 metres, in the rest pose
+    vertices: dict[str, list[np.ndarray]]  # (n_l,) int32, vertex of the body that stands for each
 
     @property
     def counts(self) -> tuple[int, ...]:

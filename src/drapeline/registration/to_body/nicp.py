@@ -25,32 +25,23 @@ _PLANE_M = 0.01  # a tangent plane stands for the surface this far around its ve
 
 @dataclass(frozen=True)
 class NicpSettings:
-    """How a garment is laid onto a body.
+    """Settings of the fit of a garment to a body."""
 
-    Attributes:
-        stiffness: of the nodes, falling; for each there is one step of closest points and of
-            motions towards them.
-        nodes: largest number of nodes.
-        samples: largest number of garment vertices that look for their closest points.
-        turn_m: distance that a turn of the normal by one radian counts for: it keeps a sleeve off
-            the torso and one leg off the other.
-        bend_m: distance at which two unlike affine motions are compared.
-        smoothing_m: normals of the garment are averaged about this far, over its folds.
-        fine_rounds: turns of the last step.
-        fine_stiffness: of the vertices in the last step.
-    """
-
+    # Of the nodes, falling; for each there is one step of closest points and of motions towards
+    # them.
     stiffness: tuple[float, ...] = (10.0, 3.0, 1.0, 0.3, 0.1)
     nodes: int = 200
-    samples: int = 1500
+    samples: int = 1500  # largest number of garment vertices that look for their closest points
+    # Distance that a turn of the normal by one radian counts for: it keeps a sleeve off the torso
+    # and one leg off the other.
     turn_m: float = 0.1
-    bend_m: float = 0.1
-    smoothing_m: float = 0.05
-    fine_rounds: int = 3
-    fine_stiffness: float = 3.0
+    bend_m: float = 0.1  # distance at which two unlike affine motions are compared
+    smoothing_m: float = 0.05  # normals of the garment are averaged about this far, over its folds
+    fine_rounds: int = 3  # turns of the last step
+    fine_stiffness: float = 3.0  # of the vertices in the last step
 
 
-class Surface:
+class TargetSurface:
     """A body to lie on: closest points that face the same way.
 
     Args:
@@ -91,19 +82,15 @@ class Surface:
         return self.vertices[near] + along, ~self._open[near]
 
 
-def lay_on(
-    vertices: np.ndarray, triangles: np.ndarray, surface: Surface, settings: NicpSettings
+def fit_to_surface(
+    vertices: np.ndarray, triangles: np.ndarray, surface: TargetSurface, settings: NicpSettings
 ) -> np.ndarray:
-    """Deform a garment so that it lies on the surface.
+    """(V, 3) float64 metres of a garment deformed so that it lies on the surface.
 
     Args:
         vertices: (V, 3) metres, in rigid alignment with the surface.
         triangles: (F, 3) of one connected garment.
         surface: the body.
-        settings: stiffness, rounds and sizes.
-
-    Returns:
-        (V, 3) float64.
     """
     rest = np.asarray(vertices, dtype=np.float64)
     count = len(rest)
@@ -216,7 +203,7 @@ class _Nodes:
         return total.toarray() / len(half)
 
     def lay(
-        self, rest: np.ndarray, surface: Surface, outward: Callable[[np.ndarray], np.ndarray]
+        self, rest: np.ndarray, surface: TargetSurface, outward: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
         """Places (V, 3) of the rest vertices after all steps; `outward` gives their normals."""
         places = rest

@@ -28,7 +28,7 @@ from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
-from drapeline.registration.to_body.nicp import NicpSettings, Surface, lay_on
+from drapeline.registration.to_body.nicp import NicpSettings, TargetSurface, fit_to_surface
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
@@ -77,7 +77,6 @@ def round_trip(
         triangles: (G, 3) of the garment.
         body: (V, 3) that it was registered on.
         faces: (F, 3) of the body's topology.
-        match: the registration.
     """
     vertices, kept = body + match.offsets(garment, body), faces_within(faces, match.mask)
     forward, angle, area = surface_distance(garment, triangles, vertices, kept)
@@ -115,31 +114,17 @@ def _count_pieces(pairs: np.ndarray) -> int:
     return len(np.unique(label[used]))
 
 
-class Registration(NamedTuple):
-    """One garment on one body.
+class RegisteredGarment(NamedTuple):
+    """One garment on one body."""
 
-    Attributes:
-        laid: (C, 3) the garment deformed onto the body.
-        match: body vertices and their points on the garment.
-        offsets: (V, 3) float32 metres.
-        measures: of the round trip.
-    """
-
-    laid: np.ndarray
-    match: Correspondence
-    offsets: np.ndarray
+    laid: np.ndarray  # (C, 3) the garment deformed onto the body
+    match: Correspondence  # body vertices and their points on the garment
+    offsets: np.ndarray  # (V, 3) float32 metres
     measures: list[Measure]
 
 
 class Registrar:
-    """Registers garments of all types on bodies of all shapes.
-
-    Args:
-        topology: of the super-resolved bodies.
-
-    Attributes:
-        topology: as given.
-    """
+    """Registers garments of all types on super-resolved bodies of all shapes."""
 
     def __init__(self, topology: Topology) -> None:
         self.topology = topology
@@ -154,7 +139,7 @@ class Registrar:
 
     def register(
         self, name: str, vertices: np.ndarray, faces: np.ndarray, body: np.ndarray
-    ) -> Registration:
+    ) -> RegisteredGarment:
         """Register one garment.
 
         Args:
@@ -172,13 +157,13 @@ class Registrar:
         if name in SKIRTS:
             mesh = self._skirt
             target = self._tube(body, garment, np.unique(boundary_edges(triangles)))
-        surface = Surface(target, mesh.faces, self._settings.turn_m)
-        laid = lay_on(garment, triangles, surface, self._settings)
+        surface = TargetSurface(target, mesh.faces, self._settings.turn_m)
+        laid = fit_to_surface(garment, triangles, surface, self._settings)
         match = correspond(target, mesh, laid, triangles)
         if not match.mask.any():
             raise InputError(f"{name}: covers no part of the body, expected a garment in its place")
         measures = round_trip(garment, triangles, body, mesh.faces, match)
-        return Registration(laid, match, match.offsets(garment, body), measures)
+        return RegisteredGarment(laid, match, match.offsets(garment, body), measures)
 
 
 def register_shard(
@@ -200,7 +185,7 @@ def register_shard(
     """
     rows: list[tuple] = []
     errors: list[dict[str, Any]] = []
-    for name, split, outfit in progress(outfits, total=len(outfits), label="outfits"):
+    for name, split, outfit in progress(outfits, label="outfits"):
         body = rest_body(bodies[outfit.gender], outfit.shape)
         for garment in outfit.garments:
             try:

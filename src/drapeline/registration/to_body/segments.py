@@ -31,14 +31,11 @@ _PASSES = 30
 
 
 def garment_variability(rest: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """How much offsets vary over the body: an estimate from before any garment is registered.
+    """(V,) metres that offsets vary by: an estimate from before any garment is registered.
 
     Args:
         rest: (V, 3) metres, in the rest pose, Z up.
         joints: (24, 3) in the same pose.
-
-    Returns:
-        (V,) metres.
     """
 
     def place(name: str) -> np.ndarray:

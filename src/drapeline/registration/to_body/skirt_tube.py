@@ -53,15 +53,12 @@ class SkirtTube:
         self.height = height[self.moved]
 
     def __call__(self, vertices: np.ndarray, skirt: np.ndarray, boundary: np.ndarray) -> np.ndarray:
-        """Put the legs of a body in one tube as wide as a skirt.
+        """(V, 3) float64 metres of a body whose legs are put in one tube as wide as a skirt.
 
         Args:
             vertices: (V, 3) body of any shape in the rest pose.
             skirt: (C, 3) vertices of the garment.
             boundary: ids of those along its openings.
-
-        Returns:
-            (V, 3) float64.
         """
         out = np.array(vertices, dtype=np.float64)
         hem, top = self._levels(out)

@@ -41,19 +41,14 @@ _SYMMETRY_M = 1e-6
 
 @dataclass(frozen=True)
 class SuperBody:
-    """Refined bodies of one surface.
+    """Refined bodies of one surface."""
 
-    Attributes:
-        bodies: gender -> model of V vertices, all with the same faces.
-        corners: (V, 3) int32, vertices of the file's mesh between which each vertex lies; one of
-            them again where it lies on an edge or in a corner.
-        shares: (V, 3) float64, its barycentric coordinates there.
-        mirror: (V,) vertex on the other side, or None where the mesh is not symmetric.
-    """
-
-    bodies: dict[str, BodyModel]
+    bodies: dict[str, BodyModel]  # gender -> model of V vertices, all with the same faces
+    # (V, 3) int32, vertices of the file's mesh between which each vertex lies; one of them again
+    # where it lies on an edge or in a corner.
     corners: np.ndarray
-    shares: np.ndarray
+    shares: np.ndarray  # (V, 3) float64, its barycentric coordinates there
+    # (V,) vertex on the other side, or None where the mesh is not symmetric.
     mirror: np.ndarray | None
 
     @property
@@ -120,31 +115,19 @@ def mirror_of(points: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
 
 
 def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_matrix:
-    """Matrix (V, count) that interpolates values on a file's vertices to the refined ones.
-
-    Args:
-        corners, shares: of a `SuperBody`.
-        count: vertices of the file's mesh.
-    """
+    """Matrix (V, count) from values on the file's vertices to those on a `SuperBody`'s."""
     rows = np.arange(len(corners)).repeat(3)
     return csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(corners), count))
 
 
 @dataclass
-class _Surface:
-    """A mesh under work, in lists since it grows by single vertices.
+class _RefinedMesh:
+    """A mesh under work, in lists since it grows by single vertices."""
 
-    Attributes:
-        points: V places, metres.
-        sources: V tables, vertex of the file -> share.
-        faces: F corners.
-        owners: F ids of the file's triangle that each face is a piece of.
-    """
-
-    points: list[list[float]]
-    sources: list[dict[int, float]]
-    faces: list[list[int]]
-    owners: list[int]
+    points: list[list[float]]  # V places, metres
+    sources: list[dict[int, float]]  # V tables, vertex of the file -> share
+    faces: list[list[int]]  # F corners
+    owners: list[int]  # F ids of the file's triangle that each face is a piece of
 
 
 def _start_at_smallest(faces: np.ndarray) -> np.ndarray:
@@ -153,7 +136,7 @@ def _start_at_smallest(faces: np.ndarray) -> np.ndarray:
     return np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
 
 
-def _cut_off(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _Surface:
+def _cut_off(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _RefinedMesh:
     mirror = mirror_of(template, body.faces)
     count = 0
     for snap in _SNAPS:
@@ -217,9 +200,9 @@ def _heights(
     return out
 
 
-def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _Surface:
+def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _RefinedMesh:
     """The part of the mesh with negative height, with new vertices where edges cross zero."""
-    surface = _Surface([], [], [], [])
+    surface = _RefinedMesh([], [], [], [])
     ids: dict[tuple[int, ...], int] = {}
 
     def vertex(key: tuple[int, ...], sources: dict[int, float]) -> int:
@@ -253,7 +236,7 @@ def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _Surfac
     return surface
 
 
-def _refine(surface: _Surface, vertices: int) -> _Surface:
+def _refine(surface: _RefinedMesh, vertices: int) -> _RefinedMesh:
     """Halve the longest edge again and again, and its mirror image with it."""
     points, faces = surface.points, surface.faces
     mirror = mirror_of(np.array(points), np.array(faces))
@@ -296,7 +279,7 @@ def _rank(points: list[list[float]], pair: tuple[int, int]) -> tuple[float, tupl
 
 
 def _halve(
-    surface: _Surface,
+    surface: _RefinedMesh,
     sides: dict[tuple[int, int], list[int]],
     queue: list[tuple[float, tuple[int, int]]],
     pair: tuple[int, int],
@@ -339,11 +322,7 @@ def _places(sources: Iterable[dict[int, float]]) -> tuple[np.ndarray, np.ndarray
 
 
 def _carry_over(
-    body: BodyModel,
-    faces: np.ndarray,
-    owner: np.ndarray,
-    corners: np.ndarray,
-    shares: np.ndarray,
+    body: BodyModel, faces: np.ndarray, owner: np.ndarray, corners: np.ndarray, shares: np.ndarray
 ) -> BodyModel:
     """Carry a body model over to the refined surface."""
     count = len(body.v_template)
@@ -399,11 +378,7 @@ def _regressor(
 
 
 def _texture(
-    body: BodyModel,
-    faces: np.ndarray,
-    owner: np.ndarray,
-    corners: np.ndarray,
-    shares: np.ndarray,
+    body: BodyModel, faces: np.ndarray, owner: np.ndarray, corners: np.ndarray, shares: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Texture coordinates; a vertex on a seam has one for each side, as in the file."""
     if body.vt is None or body.ft is None:

@@ -1,8 +1,9 @@
 """The two topologies of the super-resolved body: legs apart, and in one tube (CLOTH3D 4.1)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array
@@ -18,7 +19,7 @@ from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.registration.to_body.segments import garment_variability, segment_body
 from drapeline.registration.to_body.super_body import SuperBody
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 # Vertices that lie this deep below the hull around both legs belong to their inner sides.
 INNER_DEPTH_M = 0.004
@@ -30,19 +31,12 @@ _SHIFTS_M = (0.0, 0.002, -0.002, 0.004, -0.004, 0.006, -0.006, 0.009, -0.009, 0.
 
 @dataclass(frozen=True)
 class SkirtTopology:
-    """The second topology.
+    """The second topology."""
 
-    Attributes:
-        faces: (F2, 3) int32; the last `added` of them are new.
-        added: number of new faces.
-        removed: (R,) ids of the first topology's faces that are left out.
-        inner_leg: (V,) bool, vertices that smoothing moves.
-    """
-
-    faces: np.ndarray
-    added: int
-    removed: np.ndarray
-    inner_leg: np.ndarray
+    faces: np.ndarray  # (F2, 3) int32; the last `added` of them are new
+    added: int  # number of new faces
+    removed: np.ndarray  # (R,) ids of the first topology's faces that are left out
+    inner_leg: np.ndarray  # (V,) bool, vertices that smoothing moves
 
 
 def skirt_topology(rest: np.ndarray, faces: np.ndarray, hips: float) -> SkirtTopology:
@@ -238,11 +232,7 @@ def _key(a: int, b: int) -> tuple[int, int]:
 
 
 def _inner_leg(
-    rest: np.ndarray,
-    faces: np.ndarray,
-    joined: np.ndarray,
-    chains: np.ndarray,
-    levels: np.ndarray,
+    rest: np.ndarray, faces: np.ndarray, joined: np.ndarray, chains: np.ndarray, levels: np.ndarray
 ) -> np.ndarray:
     """(V,) vertices of the inner sides: deep below the hull around both legs, in one piece."""
     pairs = edges(faces)
@@ -280,27 +270,18 @@ def topology_codes(garments: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Topology:
-    """Meshes on V vertices.
+    """Meshes on V vertices."""
 
-    Attributes:
-        faces: (F, 3) int32, the body's own.
-        skirt_faces: (F2, 3) int32, legs joined; the last `joining` of them are the new ones.
-        joining: () int32.
-        inner_leg: (V,) bool, vertices that are smoothed for skirts.
-        segments: (V,) int32, 0 to 20.
-        corners, shares: (V, 3) int32 and (V, 3) float64: places on the mesh of the body's file,
-            for carrying further arrays over; see `super_body.interpolation`.
-        rest: (V, 3) float32 mean of both genders in the rest pose, metres.
-    """
-
-    faces: np.ndarray
-    skirt_faces: np.ndarray
-    joining: np.ndarray
-    inner_leg: np.ndarray
-    segments: np.ndarray
-    corners: np.ndarray
-    shares: np.ndarray
-    rest: np.ndarray
+    faces: Annotated[np.ndarray, "int<v * 3"]  # the body's own
+    skirt_faces: Annotated[np.ndarray, "int<v * 3"]  # legs joined
+    joining: Annotated[np.ndarray, "int"]  # how many of these, the last ones, are new
+    inner_leg: Annotated[np.ndarray, "bool v"]  # vertices that are smoothed for skirts
+    segments: Annotated[np.ndarray, "int v"]  # 0 to 20
+    # Places on the mesh of the body's file, for carrying further arrays over; see
+    # `super_body.interpolation`.
+    corners: Annotated[np.ndarray, "int v 3"]
+    shares: Annotated[np.ndarray, "float v 3"]
+    rest: Annotated[np.ndarray, "float v 3"]  # mean of both genders in the rest pose, metres
 
     def faces_of(self, garment: str) -> np.ndarray:
         """(F, 3) faces to use with a garment's type."""
@@ -355,19 +336,7 @@ def skirt_body(topology: Topology, vertices: np.ndarray) -> np.ndarray:
 
 def save_topology(path: str | Path, topology: Topology) -> None:
     """Write a topology as `.npz`."""
-    save_npz(path, **{f.name: getattr(topology, f.name) for f in fields(topology)})
-
-
-_ARRAYS = {
-    "faces": "int<v * 3",
-    "skirt_faces": "int<v * 3",
-    "joining": "int",
-    "inner_leg": "bool v",
-    "segments": "int v",
-    "corners": "int v 3",
-    "shares": "float v 3",
-    "rest": "float v 3",
-}
+    save_record(path, topology)
 
 
 def load_topology(path: str | Path) -> Topology:
@@ -376,4 +345,4 @@ def load_topology(path: str | Path) -> Topology:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    return Topology(**load_npz(path, _ARRAYS))
+    return load_record(path, Topology)

@@ -2,43 +2,29 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 # A coordinate that hardly varies would blow up its noise to the size of a sleeve's length.
 _SCALE_FLOOR_M = 0.002
 _RANK = 1e-6  # deviation of a direction, in the first one's, that is rounding alone
-# Declarations of its arrays, see `npy.Declared`.
-SPACE_ARRAYS = {
-    "faces": "int<n * 3",
-    "mean": "float n 3",
-    "components": "float d n 3",
-    "explained": "float d",
-    "scale": "float n 3",
-}
 
 
 @dataclass(frozen=True)
 class GarmentSpace:
-    """Principal components of canonical garments in one topology.
+    """Principal components of canonical garments in one topology."""
 
-    Attributes:
-        faces: (F, 3) int32.
-        mean: (N, 3) float32 G, metres.
-        components: (D, N, 3) float32 C, metres per unit of a coefficient; over the training
-            garments every coefficient has mean 0 and variance 1.
-        explained: (D,) float64, share of the standardised variance, falling.
-        scale: (N, 3) float32 metres, deviation that each coordinate was divided by.
-    """
-
-    faces: np.ndarray
-    mean: np.ndarray
-    components: np.ndarray
-    explained: np.ndarray
-    scale: np.ndarray
+    faces: Annotated[np.ndarray, "int<n * 3"]
+    mean: Annotated[np.ndarray, "float n 3"]  # G, metres
+    # C, metres per unit of a coefficient; over the training garments every coefficient has mean 0
+    # and variance 1.
+    components: Annotated[np.ndarray, "float d n 3"]
+    explained: Annotated[np.ndarray, "float d"]  # share of the standardised variance, falling
+    scale: Annotated[np.ndarray, "float n 3"]  # metres, deviation that coordinates were divided by
 
     def coefficients(self, vertices: np.ndarray) -> np.ndarray:
         """Alpha (..., D) float32 of garments (..., N, 3): least squares in standardised metres."""
@@ -57,7 +43,7 @@ class GarmentSpace:
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **{name: getattr(self, name) for name in SPACE_ARRAYS})
+        save_record(path, self)
 
 
 def load_space(path: str | Path) -> GarmentSpace:
@@ -66,7 +52,7 @@ def load_space(path: str | Path) -> GarmentSpace:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    return GarmentSpace(**load_npz(path, SPACE_ARRAYS))
+    return load_record(path, GarmentSpace)
 
 
 def fit_space(canonical: np.ndarray, components: int, faces: np.ndarray) -> GarmentSpace:

@@ -6,7 +6,7 @@ They are made with our own generator or of a user's mesh.
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES
 from drapeline.outfits.generate import make_outfit
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment
-from drapeline.storage import load_npz, save_npz
+from drapeline.storage import load_record, save_record
 
 # The openings of each type, in the order of their numbers.
 LOOP_NAMES = {
@@ -27,33 +27,22 @@ LOOP_NAMES = {
     "Tshirt": ("neck", "hem", "left_cuff", "right_cuff"),
     "Trousers": ("waist", "left_cuff", "right_cuff"),
 }
-_ARRAYS = {
-    "vertices": "float n 3",
-    "faces": "int<n * 3",
-    "loop": "int n",
-    "loop_names": "str *",
-}
 
 
 @dataclass(frozen=True)
 class GarmentTemplate:
-    """A garment whose topology stands for its whole type.
+    """A garment whose topology stands for its whole type."""
 
-    Attributes:
-        vertices: (N, 3) float32 metres, root frame, in `REST_POSE` on the mean body.
-        faces: (F, 3) int32, counter-clockwise seen from outside.
-        loop: (N,) int32, -1 within the cloth, else the number of the opening it lies on.
-        loop_names: name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    loop: np.ndarray
+    # Metres, root frame, in `REST_POSE` on the mean body.
+    vertices: Annotated[np.ndarray, "float n 3"]
+    faces: Annotated[np.ndarray, "int<n * 3"]  # counter-clockwise seen from outside
+    loop: Annotated[np.ndarray, "int n"]  # number of a vertex's opening, -1 within the cloth
+    # Name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
     loop_names: tuple[str, ...]
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **{name: np.asarray(getattr(self, name)) for name in _ARRAYS})
+        save_record(path, self)
 
 
 def load_template(path: str | Path) -> GarmentTemplate:
@@ -62,10 +51,7 @@ def load_template(path: str | Path) -> GarmentTemplate:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    a = load_npz(path, _ARRAYS)
-    return GarmentTemplate(
-        a["vertices"], a["faces"], a["loop"], tuple(str(name) for name in a["loop_names"])
-    )
+    return load_record(path, GarmentTemplate)
 
 
 def named_loops(

@@ -36,12 +36,7 @@ from drapeline.storage import atomic_folder, load_npz, save_npz
 
 
 class RemeshTable(NamedTuple):
-    """Where each template vertex lies on a source garment.
-
-    Attributes:
-        corners: (N, 3) int32 source vertices.
-        shares: (N, 3) float32, rows sum to 1.
-    """
+    """Places of template vertices on a garment: corners (N, 3) int32, shares (N, 3) float32."""
 
     corners: np.ndarray
     shares: np.ndarray
@@ -81,21 +76,14 @@ _REPAIRS_PER_RING = 5
 
 
 class Residual(NamedTuple):
-    """What a garment loses by its new topology, all but the last in millimetres.
+    """Losses of a garment by its new topology, all but the last in millimetres."""
 
-    Attributes:
-        original_to_remeshed_mm: mean distance of the source's vertices from the new surface.
-        remeshed_to_original_mm: mean distance of the new surface's vertices, edge middles and
-            face centres from the source.
-        boundaries_mm: mean distance from the new surface of source vertices within 2 cm of an
-            opening.
-        flipped_faces: faces of the new surface that are turned over, see `flipped_faces`.
-    """
-
-    original_to_remeshed_mm: float
+    original_to_remeshed_mm: float  # mean distance of the source's vertices from the new surface
+    # Mean distance of the new surface's vertices, edge middles and face centres from the source.
     remeshed_to_original_mm: float
+    # Mean distance from the new surface of source vertices within 2 cm of an opening.
     boundaries_mm: float
-    flipped_faces: int
+    flipped_faces: int  # faces of the new surface that are turned over, see `flipped_faces`
 
 
 def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable:
@@ -260,16 +248,11 @@ _UNITS = {"mm": "mm", "faces": "count"}
 
 
 class NamedGarment(NamedTuple):
-    """A garment in the rest pose.
+    """A garment in the rest pose."""
 
-    Attributes:
-        name: of its outfit or sample.
-        garment: its type.
-        vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
-    """
-
-    name: str
+    name: str  # of its outfit or sample
     garment: str
+    # vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
     vertices: np.ndarray
     faces: np.ndarray
 
@@ -316,7 +299,6 @@ def write_tables(
         folder: replaced as a whole.
         garments: those of types without a template are ignored.
         templates: by type.
-        settings: of the registration.
 
     Returns:
         Number of garments registered.
@@ -328,7 +310,7 @@ def write_tables(
     targets = {garment: FitTarget(template) for garment, template in templates.items()}
     tables: dict[str, dict[str, np.ndarray]] = {garment: {} for garment in templates}
     errors: list[dict[str, Any]] = []
-    for name, garment, vertices, faces in progress(wanted, total=len(wanted), label="garments"):
+    for name, garment, vertices, faces in progress(wanted, label="garments"):
         target = targets[garment]
         try:
             table = remesh_table(fit_to_template(vertices, faces, target, settings), target)

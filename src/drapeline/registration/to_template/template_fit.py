@@ -246,7 +246,7 @@ def _path(graph: sp.csr_matrix, start: np.ndarray, stop: np.ndarray) -> np.ndarr
 
 
 def _corner(line: np.ndarray) -> int:
-    """Which point of a line (n, 3) lies furthest from the straight one between its ends."""
+    """Index of the point of a line (n, 3) furthest from the straight one between its ends."""
     gap = line - line[0]
     chord = gap[-1]
     away = gap - (gap @ chord / (chord @ chord))[:, None] * chord
@@ -312,10 +312,7 @@ def _line_shares(line: np.ndarray) -> np.ndarray:
 
 
 def _draw_to_surface(
-    places: np.ndarray,
-    triangles: np.ndarray,
-    held: np.ndarray,
-    target: FitTarget,
+    places: np.ndarray, triangles: np.ndarray, held: np.ndarray, target: FitTarget
 ) -> np.ndarray:
     """Draw vertices, but for those held, to the closest cloth that faces the same way."""
     laplacian = uniform_laplacian(triangles, len(places))

@@ -49,7 +49,6 @@ def render_gallery(
     card with its status and reason in place of both pictures.
 
     Args:
-        folder: a sample.
         still: the PNG to write.
         moving: the animated PNG to write; it loops.
         still_size, moving_size: width and height in pixels.
@@ -98,12 +97,7 @@ def _middle_shot(sample: Sample, parts: Sequence[ScenePart], size: tuple[int, in
 
 
 def _shot(
-    sample: Sample,
-    parts: Sequence[ScenePart],
-    frame: int,
-    camera: Camera,
-    *,
-    samples: int = 16,
+    sample: Sample, parts: Sequence[ScenePart], frame: int, camera: Camera, *, samples: int = 16
 ) -> np.ndarray:
     painted = [
         ColouredMesh(
@@ -146,15 +140,11 @@ def _save_still(path: str | Path, picture: np.ndarray) -> None:
 
 
 def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
-    """Draw the middle frames of accepted samples, spread evenly over all of them.
+    """Draw the middle frames of accepted samples, spread evenly; returns their number.
 
     Args:
-        path: the PNG.
         samples: folders of all samples of the group.
         most: samples to show at most.
-
-    Returns:
-        Number of samples shown.
 
     Raises:
         InputError: no sample was accepted, or a file is unusable.
@@ -168,7 +158,7 @@ def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) ->
     shown = [records[row] for row in rows]
     pictures = [
         (render_still(record.folder, _SIZE), _caption(record.meta))
-        for record in progress(shown, total=len(shown), label="samples")
+        for record in progress(shown, label="samples")
     ]
     save_contact_sheet(path, pictures, min(_COLUMNS, len(pictures)), letter=11)
     return len(pictures)

@@ -11,7 +11,7 @@ from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.tables import STATUS
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FAINT, GREEN, SKY
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.style import place_legend_above, saved_figure, show_message
 from drapeline.schema import Table, read_table
 
@@ -22,30 +22,21 @@ _ROW_IN = 0.24
 
 @dataclass(frozen=True)
 class HealthMeasure:
-    """A quantity of a sample, and its place in `meta.json`.
-
-    Attributes:
-        title: its name.
-        short: one word, for a column's heading.
-        unit: of the numbers shown.
-        keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
-            a sample's `meta.json`; None where there is none.
-        factor: from the stored to the shown number.
-        digits: decimals shown.
-        bounds: goal for the shown number, from and to; None where there is no such bound.
-        judged: which of low end (0), middle (1) and high end (2) tables show and goals apply to.
-        about: meaning of dot and line.
-    """
+    """A quantity of a sample, and its place in `meta.json`."""
 
     title: str
-    short: str
+    short: str  # one word, for a column's heading
     unit: str
+    # (measure, statistic) of the low end, the middle and the high end in the `health` of a sample's
+    # `meta.json`; None where there is none.
     keys: tuple[tuple[str, str] | None, tuple[str, str] | None, tuple[str, str] | None]
-    factor: float = 1.0
-    digits: int = 2
+    factor: float = 1.0  # from the stored to the shown number
+    digits: int = 2  # decimals shown
+    # Goal for the shown number, from and to; None where there is no such bound.
     bounds: tuple[float | None, float | None] = (None, None)
+    # Which of low end (0), middle (1) and high end (2) tables show and goals apply to.
     judged: tuple[int, ...] = (1,)
-    about: str = "dot: mean over the frames, line: smallest to largest"
+    about: str = "dot: mean over the frames, line: smallest to largest"  # meaning of dot and line
 
     @property
     def label(self) -> str:
@@ -204,9 +195,7 @@ def write_health_page(
     """Write the page with the goals, the values reached, and every sample.
 
     Args:
-        path: the HTML page.
         dataset: folder of the collected dataset.
-        records: its accepted samples.
 
     Raises:
         InputError: `status.tsv` is missing or lacks a column.
@@ -232,10 +221,9 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
     rows = [
         {
             "Measure": "Samples accepted",
-            "Goal": Cell(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %", "number"),
+            "Goal": number(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %"),
             "Reached": _verdict(
-                f"{accepted} of {len(status)} ({100 * share:.0f} %)",
-                share >= ACCEPTED_SHARE_MIN,
+                f"{accepted} of {len(status)} ({100 * share:.0f} %)", share >= ACCEPTED_SHARE_MIN
             ),
         }
     ]
@@ -249,7 +237,7 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
         rows.append(
             {
                 "Measure": measure.label,
-                "Goal": Cell(_goal(measure), "number"),
+                "Goal": number(_goal(measure)),
                 "Reached": _verdict(
                     " to ".join(f"{mean:.{measure.digits}f}" for mean in means),
                     measure.holds(*means),
@@ -264,8 +252,8 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
         rows.append(
             {
                 "Measure": "Simulation speed (frames/s on one core)",
-                "Goal": Cell("-", "number"),
-                "Reached": Cell(text, "number"),
+                "Goal": number("-"),
+                "Reached": number(text),
             }
         )
     return rows
@@ -280,8 +268,8 @@ def _goal(measure: HealthMeasure) -> str:
 
 def _verdict(text: str, good: bool, judged: bool = True) -> Cell:
     if not judged:
-        return Cell(text, "number")
-    return Cell(f"{'✓' if good else '✗'} {text}", "number", "good" if good else "bad")
+        return number(text)
+    return number(f"{'✓' if good else '✗'} {text}", "good" if good else "bad")
 
 
 def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[dict[str, str]]:
@@ -294,7 +282,7 @@ def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[di
             "Garments": row.garments.replace("+", " + "),
             "Motion": row.sequence,
             "Split": row.split,
-            "Tries": Cell(row.attempts, "number"),
+            "Tries": number(row.attempts),
         }
         for measure in MEASURES.values():
             heading = measure.short + (f" ({measure.unit})" if measure.unit else "")
@@ -305,9 +293,9 @@ def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[di
 
 def _sample_cell(measure: HealthMeasure, record: SampleRecord | None) -> Cell:
     if record is None:
-        return Cell("", "number")
+        return number("")
     values = [measure.values(record)[which] for which in measure.judged]
     if not np.isfinite(values).all():
-        return Cell("-", "number")
+        return number("-")
     text = " to ".join(f"{value:.{measure.digits}f}" for value in values)
-    return Cell(text, "number") if measure.holds(*values) else Cell(text, "number", "bad")
+    return number(text) if measure.holds(*values) else number(text, "bad")

@@ -29,18 +29,13 @@ _FLOOR_REACH_M = 12.0
 
 
 @dataclass(frozen=True)
-class _Person:
-    """Moves on the spot before the camera.
+class _MovingPerson:
+    """Moves on the spot before the camera."""
 
-    Attributes:
-        meshes: with the vertices of the first frame.
-        moving: (N, V, 3) of each mesh, metres, Z up, -Y to the camera.
-    """
+    meshes: Sequence[ColouredMesh]  # with the vertices of the first frame
+    moving: Sequence[np.ndarray]  # (N, V, 3) of each mesh, metres, Z up, -Y to the camera
 
-    meshes: Sequence[ColouredMesh]
-    moving: Sequence[np.ndarray]
-
-    def looped(self, start: int, frames: int) -> "_Person":
+    def looped(self, start: int, frames: int) -> "_MovingPerson":
         """The frames from `start` on, of which the last ones become those before `start`."""
         weight = (np.arange(1, _BLENDED + 1) / (_BLENDED + 1))[:, None, None]
         loops = []
@@ -49,7 +44,7 @@ class _Person:
             before = vertices[start - _BLENDED : start]
             loop[-_BLENDED:] = (1 - weight) * loop[-_BLENDED:] + weight * before
             loops.append(loop)
-        return _Person(self.meshes, loops)
+        return _MovingPerson(self.meshes, loops)
 
 
 def render_people(
@@ -117,7 +112,7 @@ def best_loop(moving: Sequence[np.ndarray]) -> tuple[int, list[int]]:
     return best[1], best[2]
 
 
-def _read_person(folder: str | Path) -> _Person:
+def _read_person(folder: str | Path) -> _MovingPerson:
     with Sample(folder) as sample:
         count = len(sample)
         least = _LOOP_FRAMES[0] + _BLENDED
@@ -133,10 +128,10 @@ def _read_person(folder: str | Path) -> _Person:
             gloss = fabric_gloss(sample.fabrics.get(part.name))
             meshes.append(ColouredMesh(vertices[0], part.mesh.faces, part.colour, gloss))
             moving.append(vertices.astype(np.float32))
-    return _Person(meshes, moving)
+    return _MovingPerson(meshes, moving)
 
 
-def _line_up(people: Sequence[_Person]) -> list[_Person]:
+def _line_up(people: Sequence[_MovingPerson]) -> list[_MovingPerson]:
     """Put them side by side, as close as their movements allow, around the origin."""
     spans = [
         (min(v[..., 0].min() for v in p.moving), max(v[..., 0].max() for v in p.moving))
@@ -146,12 +141,14 @@ def _line_up(people: Sequence[_Person]) -> list[_Person]:
     placed, x = [], -total / 2
     for person, (low, high) in zip(people, spans, strict=True):
         shift = np.array([x - low, 0, 0], np.float32)
-        placed.append(_Person(person.meshes, [vertices + shift for vertices in person.moving]))
+        placed.append(
+            _MovingPerson(person.meshes, [vertices + shift for vertices in person.moving])
+        )
         x += high - low + _GAP_M
     return placed
 
 
-def _camera(people: Sequence[_Person], size: tuple[int, int]) -> Camera:
+def _camera(people: Sequence[_MovingPerson], size: tuple[int, int]) -> Camera:
     target = np.array([0.0, 0.0, 0.9])
     camera = look_at(np.array([0.0, -_DISTANCE_M, _EYE_M]), target, focal_px=size[0], size=size)
     points = np.concatenate([v.reshape(-1, 3) for p in people for v in p.moving])

@@ -17,7 +17,7 @@ from drapeline.dataset.statistics import NO_ACTION
 from drapeline.dataset.tables import ACTIONS, OVERVIEW, SAMPLES
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FABRIC_COLOURS, GENDER_COLOURS, QUIET, SERIES
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 from drapeline.schema import read_table
 
@@ -177,10 +177,6 @@ def _quiet_rows(axes: Axes) -> None:
 def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
     """Write the page with tables 1 and 2.
 
-    Args:
-        path: the HTML page.
-        dataset: folder of a collected dataset.
-
     Raises:
         InputError: the dataset's statistics are missing or lack a column.
     """
@@ -216,17 +212,9 @@ def _table_1(measures: pd.DataFrame) -> list[dict[str, str]]:
         ("Dynamics", "✓", "✓"),
         ("Garments", f"{ours('garments')} of {ours('garment types')} types", "~9.6K"),
         ("Fabrics known", f"✓ ({ours('fabrics')})", "✓"),
-        (
-            "Variety of poses",
-            f"{ours('actions')} actions of {ours('motion clips')} clips",
-            "High",
-        ),
+        ("Variety of poses", f"{ours('actions')} actions of {ours('motion clips')} clips", "High"),
         ("Subjects (body shapes)", ours("subjects (bodies)"), "7.2K"),
-        (
-            "Layered garments",
-            f"✓ ({ours('layered outfits')} of {ours('sequences')} outfits)",
-            "✓",
-        ),
+        ("Layered garments", f"✓ ({ours('layered outfits')} of {ours('sequences')} outfits)", "✓"),
         ("Frames", f"{frames:,}", "2.1M"),
         ("Origin", "Synth.", "Synth."),
         ("Colour images", "✓", "x"),
@@ -258,12 +246,10 @@ def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
     return [
         {
             "Action": label,
-            "Sequences": Cell(row["sequences"], "number"),
-            "Frames": Cell(row["frames"], "number"),
-            OURS: Cell(row["percent"], "number"),
-            THEIRS: Cell(
-                f"{_TABLE_2[label]:.2f} %" if label in _TABLE_2 else "-", "number", "theirs"
-            ),
+            "Sequences": number(row["sequences"]),
+            "Frames": number(row["frames"]),
+            OURS: number(row["percent"]),
+            THEIRS: number(f"{_TABLE_2[label]:.2f} %" if label in _TABLE_2 else "-", "theirs"),
         }
         for label, row in texts.iterrows()
     ]
@@ -271,9 +257,6 @@ def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
 
 def _by_split(overview: pd.DataFrame) -> list[dict[str, str]]:
     return [
-        {
-            key.capitalize(): text if key == "measure" else Cell(text, "number")
-            for key, text in row.items()
-        }
+        {key.capitalize(): text if key == "measure" else number(text) for key, text in row.items()}
         for row in overview.to_dict("records")
     ]

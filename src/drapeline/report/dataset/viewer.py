@@ -41,7 +41,6 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
     """Write the page of a sample, or of the reason why it was not accepted.
 
     Args:
-        path: the HTML page.
         folder: of the sample, or None if there is none to show.
         bytes_max: size of the page, for which vertices are rounded and then frames left out.
 
@@ -82,7 +81,6 @@ def encode_parts(
     `origin_m`, coded as `encode_frames` says.
 
     Args:
-        parts: the meshes that move.
         frames: which frames to keep, in order.
         step_m: metres to which vertices are rounded; more for meshes of more than 65,535 steps.
 

@@ -7,7 +7,7 @@ from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.report.html import Cell
+from drapeline.report.html import number
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.schema import Table
 
@@ -29,7 +29,6 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
     """Write the page of codes.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics with the rows of `compare_representations`.
 
     Raises:
@@ -46,10 +45,7 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
         count="",
     )
     distances = replace(
-        codes,
-        garments=(*TEMPLATE_TYPES, ALL),
-        digits=dict.fromkeys(_WAYS, 2),
-        count="Garments",
+        codes, garments=(*TEMPLATE_TYPES, ALL), digits=dict.fromkeys(_WAYS, 2), count="Garments"
     )
     write_sections(
         path,
@@ -58,7 +54,7 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
             "All garments of these types in the test split of static outfits, which no model has"
             " seen. Mean distances over the area of the surfaces in mm, with 95 % intervals over"
             " outfits. No code can recover what registration loses, which the rows without a code"
-            " show.",
+            " show."
         ],
         [
             *(
@@ -79,7 +75,6 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of fits to scans.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics with the rows of `compare_scan_fits`.
 
     Raises:
@@ -104,7 +99,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
             " over samples. Models are compared on the garments that they know, so rows with other"
             f" numbers of garments are not about the same garments; the column"
             f" '{COMMON.capitalize()}' has the means over t-shirts, trousers and skirts, which all"
-            " models know.",
+            " models know."
         ],
         [
             *(
@@ -144,7 +139,7 @@ def _printed_scans() -> list[dict[str, object]]:
     return [
         {"Method": method}
         | {
-            name.capitalize(): Cell("-" if error is None else f"{error:g}", "number", "theirs")
+            name.capitalize(): number("-" if error is None else f"{error:g}", "theirs")
             for name, error in zip(CLASSES, errors, strict=False)
         }
         for method, errors in _PRINTED.items()

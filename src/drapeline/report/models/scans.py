@@ -9,12 +9,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.predictions import (
-    BODY,
-    TRUE,
-    Fits,
-    load_fitted_scans,
-)
+from drapeline.metrics.predictions import BODY, TRUE, Fits, load_fitted_scans
 from drapeline.metrics.registry import variants
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card
@@ -34,7 +29,6 @@ def plot_scans(
     """Write a row for each scan: its points, what the models find, and the simulated garments.
 
     Args:
-        path: the PNG.
         scans: files of scans.
         fits: files of fits, by whatever models.
         most: rows; of more scans, some that are evenly spread.
@@ -55,10 +49,7 @@ def plot_scans(
     titles = {name: one.short for name, one in variants("scan").items() if one.short}
     titles[TRUE] = "simulated"
     columns = [name for name in titles if any(name in found[scan.name] for scan in shown)]
-    rows = [
-        _row(scan, found[scan.name], columns)
-        for scan in progress(shown, total=len(shown), label="scans")
-    ]
+    rows = [_row(scan, found[scan.name], columns) for scan in progress(shown, label="scans")]
     save_grid(
         path,
         rows,

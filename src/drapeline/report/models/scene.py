@@ -33,21 +33,14 @@ _EMPTY = 255  # white, like the background of the others
 
 @dataclass(frozen=True)
 class Scene:
-    """The view of a dressed body that stands, or moves, above the floor.
+    """The view of a dressed body that stands, or moves, above the floor."""
 
-    Attributes:
-        target: (3,) middle of the picture, metres above the floor in Z.
-        front: (x, y) direction that the wearer faces.
-        height_m: what the height of the picture spans at the target.
-        floor_z: height of the floor in the frame of the meshes.
-        turn_deg: how far to the side of the front the camera stands.
-    """
-
+    # (3,) middle of the picture, metres above the floor in Z.
     target: tuple[float, float, float] = (0.0, 0.0, 0.9)
-    front: tuple[float, float] = (0.0, -1.0)
-    height_m: float = 2.1
-    floor_z: float = 0.0
-    turn_deg: float = _TURN_DEG
+    front: tuple[float, float] = (0.0, -1.0)  # (x, y) direction that the wearer faces
+    height_m: float = 2.1  # what the height of the picture spans at the target
+    floor_z: float = 0.0  # height of the floor in the frame of the meshes
+    turn_deg: float = _TURN_DEG  # how far to the side of the front the camera stands
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """The camera for pictures of a size (width, height)."""
@@ -61,10 +54,7 @@ class Scene:
         )
 
     def picture(
-        self,
-        parts: Sequence[ColouredMesh],
-        size: tuple[int, int] = PICTURE_SIZE,
-        samples: int = 10,
+        self, parts: Sequence[ColouredMesh], size: tuple[int, int] = PICTURE_SIZE, samples: int = 10
     ) -> np.ndarray:
         """(height, width, 3) uint8 picture of meshes, at a size (width, height)."""
         lift = np.array([0.0, 0.0, -self.floor_z])
@@ -140,26 +130,19 @@ _STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
 
 
 @dataclass(frozen=True)
-class View:
-    """One picture of a garment.
+class GarmentPicture:
+    """One picture of a garment."""
 
-    Attributes:
-        garment: in the frame of the body, Z up; None draws the body alone.
-        body: its wearer, or None.
-        colour: sRGB of the garment in 0-1.
-        error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
-        scene: where the picture is taken from.
-    """
-
-    garment: Mesh | None
-    body: Mesh | None
-    colour: Sequence[float] = (0.45, 0.6, 0.8)
+    garment: Mesh | None  # in the frame of the body, Z up; None draws the body alone
+    body: Mesh | None  # its wearer, or None
+    colour: Sequence[float] = (0.45, 0.6, 0.8)  # sRGB of the garment in 0-1
+    # (V,) of the garment's vertices, drawn as heat in place of the colour.
     error_mm: np.ndarray | None = None
     scene: Scene = _STANDING
 
 
 def view_picture(
-    view: View, *, size: tuple[int, int] = (240, 250), samples: int = 14
+    view: GarmentPicture, *, size: tuple[int, int] = (240, 250), samples: int = 14
 ) -> np.ndarray:
     """(height, width, 3) uint8 picture; the same scale for all views of one size."""
     parts = []
@@ -179,7 +162,7 @@ def view_picture(
 
 def plot_views(
     path: str | Path,
-    rows: Mapping[str, Sequence[View]],
+    rows: Mapping[str, Sequence[GarmentPicture]],
     *,
     columns: Sequence[str] = (),
     heat: bool = False,
@@ -187,14 +170,13 @@ def plot_views(
     """Rows of views under their names.
 
     Args:
-        path: the PNG.
         rows: label -> views; labels may have several lines.
         columns: titles above.
         heat: add the colour bar of the errors.
     """
     pictures = [
         [view_picture(view) for view in views]
-        for views in progress(rows.values(), total=len(rows), label="pictures")
+        for views in progress(rows.values(), label="pictures")
     ]
     save_grid(
         path,
@@ -207,11 +189,11 @@ def plot_views(
 
 def wearer_view(
     wearer: Mesh,
-    colour: Sequence[float] = View.colour,
+    colour: Sequence[float] = GarmentPicture.colour,
     front: tuple[float, float] = Scene.front,
-) -> View:
+) -> GarmentPicture:
     """A view without a garment yet: the wearer on the floor, in the middle of the picture."""
     low, high = wearer.vertices.min(axis=0), wearer.vertices.max(axis=0)
     middle = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
     scene = Scene(target=(*middle, _TARGET_HEIGHT_M), front=front, floor_z=float(low[2]))
-    return View(None, wearer, colour, scene=scene)
+    return GarmentPicture(None, wearer, colour, scene=scene)

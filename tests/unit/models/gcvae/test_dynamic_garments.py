@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from drapeline.bodies.kinematics import mirror_poses
+from drapeline.frames import gender_names
 from drapeline.learning_data.static import static_cvar
 from drapeline.models.gcvae.codec import encode_rows
 from drapeline.models.gcvae.data import DynamicGarments
@@ -20,7 +21,7 @@ GARMENT_COUNT, FRAME_COUNT, CODE = 20, 50, 3
 def data():
     rng = rng_for(0, "frames")
     shape = rng.normal(size=(GARMENT_COUNT, 10)).astype(np.float32)
-    gender = rng.integers(0, 2, GARMENT_COUNT)
+    gender = gender_names(rng.integers(0, 2, GARMENT_COUNT))
     tightness = rng.normal(size=(GARMENT_COUNT, 2)).astype(np.float32)
 
     def cvar(garments):

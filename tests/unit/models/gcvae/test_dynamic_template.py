@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
-from drapeline.frames import GENDERS
 from drapeline.learning_data.static import static_cvar
 from drapeline.models.gcvae.data import DynamicGarments, dynamic_body_template
 from drapeline.seeding import rng_for
@@ -27,7 +26,7 @@ def frames(vertices, held_out_shift=0.0):
     rng = rng_for(0, "frames")
     held_out = SPLIT == "test"
     shape = rng.normal(size=(4, 10)) + held_out_shift * held_out[:, None]
-    gender = np.array([0, 1, 1, 0])
+    gender = np.array(["female", "male", "male", "female"])
     tightness = rng.normal(size=(4, 2))
     offsets, base = rng.normal(size=(2, 12, vertices, 3)).astype(np.float32)
     for arrays in (offsets, base):
@@ -72,7 +71,7 @@ def test_bodies_have_the_statistics_of_the_training_garments_wearers_at_rest(bod
     template, data = template_of(garments, bodies), garments.data
     rest = np.stack(
         [
-            rest_body(bodies[GENDERS[data.gender[garment]]], data.shape[garment])
+            rest_body(bodies[data.gender[garment]], data.shape[garment])
             for garment in np.flatnonzero(SPLIT == "train")
         ]
     )

@@ -6,7 +6,7 @@ import torch
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, gender_codes
 from drapeline.models.smplicit.network import Points, fit_codes, new_field
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import RATE_SHARE, Progress
@@ -31,7 +31,8 @@ def batch(fields):
 
 
 def test_clusters_move_with_the_body(model, fields, toy_body):
-    places = model.places(torch.from_numpy(fields.shape), torch.from_numpy(fields.gender))
+    genders = torch.from_numpy(gender_codes(fields.gender))
+    places = model.places(torch.from_numpy(fields.shape), genders)
     for row, shape in enumerate(fields.shape):
         expected = rest_body(toy_body, shape)[fields.clusters]
         np.testing.assert_allclose(places[row], expected, atol=1e-5)

@@ -9,8 +9,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.rendering.pictures import heat_parts
 from drapeline.report.models.scene import (
     HEAT_SPAN_MM,
+    GarmentPicture,
     Scene,
-    View,
     cloud_parts,
     fit_scene,
     plot_views,
@@ -84,7 +84,7 @@ BACKDROP = 255
 
 def test_error_is_drawn_where_it_is():
     error = np.where(TUBE.vertices[:, 2] > 0, HEAT_SPAN_MM, 0.0)
-    picture = shown(View(TUBE, None, error_mm=error))
+    picture = shown(GarmentPicture(TUBE, None, error_mm=error))
     rows = np.flatnonzero(coloured(picture).any(axis=1))
     top, bottom = picture[rows[: len(rows) // 3]], picture[rows[-len(rows) // 3 :]]
     yellow = lambda p: ((p[..., 0] - p[..., 2]) > 60).sum()  # noqa: E731
@@ -96,7 +96,7 @@ def test_error_is_drawn_where_it_is():
 def test_views_of_one_size_have_one_scale():
     tall = Mesh(TUBE.vertices * 1.5, TUBE.faces)
     heights = [
-        np.count_nonzero(coloured(shown(View(mesh, None, (0.2, 0.4, 0.9)))).any(axis=1))
+        np.count_nonzero(coloured(shown(GarmentPicture(mesh, None, (0.2, 0.4, 0.9)))).any(axis=1))
         for mesh in (TUBE, tall)
     ]
     assert heights[1] / heights[0] == pytest.approx(1.5, rel=0.1)
@@ -104,7 +104,7 @@ def test_views_of_one_size_have_one_scale():
 
 def test_nothing_to_draw_is_an_even_picture():
     nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
-    assert (shown(View(nothing, None)) == BACKDROP).all()
+    assert (shown(GarmentPicture(nothing, None)) == BACKDROP).all()
 
 
 def test_the_wearer_stands_on_the_floor():
@@ -113,7 +113,10 @@ def test_the_wearer_stands_on_the_floor():
 
 
 def test_views_are_written_row_by_row(tmp_path):
-    plot_views(tmp_path / "v.png", {"a": [View(TUBE, None)] * 2, "b": [View(TUBE, None)]})
+    plot_views(
+        tmp_path / "v.png",
+        {"a": [GarmentPicture(TUBE, None)] * 2, "b": [GarmentPicture(TUBE, None)]},
+    )
     one, three = Image.open(tmp_path / "v.png").size, (2, 2)
     assert one[0] > three[0] * 240
     assert one[1] > three[1] * 250

@@ -28,7 +28,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.geometry.collision import Solid
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.metrics.predictions import WornGarment
@@ -97,10 +97,10 @@ def repose(
         return moved
     average = averaging_matrix(garment.faces, len(garment.vertices))
     bodies, _ = posed_vertices(body, shape, poses)
-    solid = Solid(bodies[0], body.faces)
+    resolver = PenetrationResolver(bodies[0], body.faces)
     for frame, points in enumerate(bodies):
-        solid.move(points)
-        moved[frame] = solid.push_out(moved[frame], average)
+        resolver.move(points)
+        moved[frame] = resolver.push_out(moved[frame], average)
     return moved
 
 

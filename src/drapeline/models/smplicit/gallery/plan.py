@@ -133,7 +133,7 @@ def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> 
                 f"{model.folder}: was trained on {'/'.join(key)}, expected it among the static"
                 " outfits; train it anew"
             )
-        body = model.bodies[GENDERS[codes.gender[index]]]
+        body = model.bodies[codes.gender[index]]
         rows.append(measure_properties(region, meshes[key], body, codes.shape[index]))
         openings.append(loop_count(meshes[key].faces))
     return TrainingMeasures(
@@ -231,7 +231,7 @@ def _samples(codes: GarmentCodes, seed: int, count: int) -> list[Shown]:
         Shown(
             *("samples", title, str(column + 1)),
             draw(rng_for(seed, "gallery", "samples", row, column), 1)[0],
-            GENDERS[codes.gender[wearer]],
+            str(codes.gender[wearer]),
             codes.shape[wearer],
         )
         for row, (title, draw) in enumerate(rows.items())

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from scipy.spatial import KDTree
 
+from drapeline.frames import GENDERS
 from drapeline.models.smplicit.garments import Box
 from drapeline.models.smplicit.network import GarmentField
 
@@ -47,19 +48,19 @@ class NetworkField:
         model: trained.
         z: (cut + style,) the code.
         shape: (10,) of the wearer.
-        gender: of the wearer, 0 female, 1 male.
+        gender: of the wearer, "female" or "male".
 
     Attributes:
         layers: weights and biases that points pass through, see `FieldDecoder.layers`.
         clip_m: the greatest distance that it tells.
     """
 
-    def __init__(self, model: GarmentField, z: np.ndarray, shape: np.ndarray, gender: int) -> None:
+    def __init__(self, model: GarmentField, z: np.ndarray, shape: np.ndarray, gender: str) -> None:
         self._device, self.clip_m = model.device, model.d_max_m
         with torch.no_grad():
             places = model.places(
                 torch.as_tensor(shape, dtype=torch.float32, device=self._device)[None],
-                torch.tensor([gender], device=self._device),
+                torch.tensor([GENDERS.index(gender)], device=self._device),
             )
             code = torch.as_tensor(z, dtype=torch.float32, device=self._device)[None]
             cut, style = code.split([model.decoder.cut, model.decoder.style], 1)

@@ -62,11 +62,8 @@ def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[
     """Figure 4: a row per frame, from the cloud to the garment, with errors where truth is known.
 
     Captions give mean errors over the vertices in mm. The canonical garment stands in the first
-    row of its sequence, its error in the second, the registered one in the third.
-
-    Args:
-        path: the PNG.
-        cases: sequences, each with the indices of those of its frames to show.
+    row of its sequence, its error in the second, the registered one in the third. Cases have the
+    indices of the frames to show.
     """
     rows, labels = [], []
     for case, frames in progress(cases, label="steps"):
@@ -80,12 +77,7 @@ def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[
 
 
 def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[int]]]) -> None:
-    """Figure 5: clouds and, below them, what is reconstructed; a column per frame.
-
-    Args:
-        path: the PNG.
-        cases: sequences, each with the indices of those of its frames to show.
-    """
+    """Figure 5: clouds and, below them, what is reconstructed; a column per frame shown."""
     rows, labels = [], []
     for case, frames in progress(cases, label="results"):
         pairs = list(zip(_scenes(case, frames), frames, strict=True))
@@ -182,40 +174,23 @@ def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[Coloure
 
 
 class SkinnedTwice(NamedTuple):
-    """A garment posed by skinning weights of one body vertex, and of many.
+    """A garment posed by skinning weights of one body vertex, and of many."""
 
-    Attributes:
-        label: of its row in the figure; may have several lines.
-        garment: its type.
-        canonical: (N, 3) metres.
-        faces: (n, 3) of the template.
-        nearest: (N, 3) posed with K = 1.
-        interpolated: (N, 3) posed with more neighbours.
-        body: (V, 3) in the same pose.
-        body_faces: (f, 3).
-        root_height: metres of the root joint above the floor.
-    """
-
-    label: str
+    label: str  # of its row in the figure; may have several lines
     garment: str
-    canonical: np.ndarray
-    faces: np.ndarray
-    nearest: np.ndarray
-    interpolated: np.ndarray
-    body: np.ndarray
-    body_faces: np.ndarray
-    root_height: float
+    canonical: np.ndarray  # (N, 3) metres
+    faces: np.ndarray  # (n, 3) of the template
+    nearest: np.ndarray  # (N, 3) posed with K = 1
+    interpolated: np.ndarray  # (N, 3) posed with more neighbours
+    body: np.ndarray  # (V, 3) in the same pose
+    body_faces: np.ndarray  # (f, 3)
+    root_height: float  # metres of the root joint above the floor
 
 
 def plot_neighbours(path: str | Path, cases: Sequence[SkinnedTwice], neighbours: int) -> None:
-    """Figure 7: what K = 1 does to a garment, and what interpolated weights do.
+    """Figure 7: what K = 1 does to a garment, and what `neighbours` do; a row per case.
 
     The camera stands before the place where K = 1 deforms the garment most, which is ringed.
-
-    Args:
-        path: the PNG.
-        cases: one for each row.
-        neighbours: K of the interpolated weights.
     """
     rows = [_neighbour_cells(case) for case in progress(cases, label="skinned twice")]
     save_grid(
@@ -329,19 +304,13 @@ def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3)
 
 
 def curve(
-    measured: Table,
-    prefix: str,
-    garment: str,
-    name: str,
-    ends: Mapping[float, str] | None = None,
+    measured: Table, prefix: str, garment: str, name: str, ends: Mapping[float, str] | None = None
 ) -> pd.DataFrame:
     """A metric of the variants `{prefix}_{number}`, by rising number.
 
     Args:
         measured: rows of the test split, see `read_test_metrics`.
         prefix: such as "neighbours".
-        garment: type.
-        name: of the metric.
         ends: number -> variant that stands for it where none of the prefix does.
 
     Returns:
@@ -413,11 +382,7 @@ def plot_accuracy_curve(path: str | Path, measured: Table) -> None:
 
 
 def _plot_robustness(
-    path: str | Path,
-    measured: Table,
-    prefix: str,
-    ends: Mapping[float, str] | None,
-    label: str,
+    path: str | Path, measured: Table, prefix: str, ends: Mapping[float, str] | None, label: str
 ) -> None:
     """Curves of the posed garments, with what skinning alone reaches dashed."""
     name = "vertex_error_mm"
@@ -442,13 +407,7 @@ def _plot_robustness(
 
 
 def plot_ablation(path: str | Path, measured: Table, garment: str) -> None:
-    """Figure 6: vertex and acceleration errors without single parts of the model.
-
-    Args:
-        path: the figure.
-        measured: rows of the test split, see `read_test_metrics`.
-        garment: type shown.
-    """
+    """Figure 6: vertex and acceleration errors of a type without single parts of the model."""
     names = [n for n in _ABLATIONS if _value(measured, n, garment, "vertex_error_mm") is not None]
     with saved_figure(path, 9.0, 0.9 + 0.36 * max(len(names), 3), columns=2) as (_, axes):
         for panel, key in zip(axes, ("vertex_error_mm", "acceleration_error_m_s2"), strict=True):

@@ -10,7 +10,7 @@ from drapeline.job import Job
 from drapeline.metrics.garment4d import MODEL
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.registration.error_table import FILE_NAME
-from drapeline.report.html import Cell
+from drapeline.report.html import Cell, number
 from drapeline.report.registration_table import ERRORS, errors_by_type, summarise_errors
 from drapeline.report.tables import (
     MetricTable,
@@ -186,8 +186,8 @@ _SECTIONS = (
         lambda _: [
             {
                 f"{PAPER} (other data)": title,
-                "Vertex error (mm)": Cell(vertex, "number", "theirs"),
-                "Acceleration error (m/s²)": Cell(acceleration, "number", "theirs"),
+                "Vertex error (mm)": number(vertex, "theirs"),
+                "Acceleration error (m/s²)": number(acceleration, "theirs"),
             }
             for title, vertex, acceleration in _PRINTED_ABLATIONS
         ],
@@ -234,7 +234,6 @@ def write_garment4d_page(
     """Write the page of tables.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics; models that it does not hold have no row.
         registration: tables of errors of garments registered to templates.
         departures: keys of `DEPARTURES` that hold for the models.
@@ -276,10 +275,10 @@ def _registration(errors: Sequence[Table]) -> list[dict[str, object]]:
         title = row["metric"].replace("_", " ").removesuffix(" mm").capitalize()
         if row["unit"] == "count":
             verdict = "good" if row["total"] == 0 else "bad"
-            return f"{title}, total", Cell(f"{row['total']:.0f}", "number", verdict)
+            return f"{title}, total", number(f"{row['total']:.0f}", verdict)
         verdict = "good" if row["mean"] <= REGISTRATION_TARGET_MM else "bad"
         text = f"{row['mean']:.2f}, at most {row['max']:.2f}"
-        return f"{title} (mm)", Cell(text, "number", verdict)
+        return f"{title} (mm)", number(text, verdict)
 
     return errors_by_type(summarise_errors(pd.concat(errors), "template"), cell)
 

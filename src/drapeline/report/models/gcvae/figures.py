@@ -12,7 +12,7 @@ from drapeline.metrics.predictions import GarmentCase, WornGarment
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import save_animation, save_contact_sheet
 from drapeline.report.colours import GARMENT_COLOURS, garment_colour
-from drapeline.report.models.scene import View, view_picture, wearer_view
+from drapeline.report.models.scene import GarmentPicture, view_picture, wearer_view
 from drapeline.report.style import saved_figure
 
 ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
@@ -20,19 +20,23 @@ ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction
 _MOVING_SIZE = (440, 480)
 
 
-def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 6) -> None:
+def plot_samples(
+    path: str | Path, views: Mapping[str, GarmentPicture], *, columns: int = 6
+) -> None:
     """A sheet of sampled garments, each above its caption."""
     pictures = [(view_picture(view), name) for name, view in views.items()]
     save_contact_sheet(path, pictures, columns)
 
 
-def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: float = 1000 / 15) -> None:
+def animate_views(
+    path: str | Path, views: Sequence[GarmentPicture], *, frame_ms: float = 1000 / 15
+) -> None:
     """Animate a transition, there and back."""
     pictures = [view_picture(view, size=_MOVING_SIZE, samples=8) for view in views]
     save_animation(path, [*pictures, *pictures[-2:0:-1]], frame_ms)
 
 
-def error_views(case: GarmentCase) -> list[View]:
+def error_views(case: GarmentCase) -> list[GarmentPicture]:
     """A row of figure 7: original, registered, their difference, reconstruction, its error.
 
     Errors are drawn without the wearer; that of the reconstruction on the true mask.
@@ -46,9 +50,7 @@ def error_views(case: GarmentCase) -> list[View]:
         replace(view, garment=case.original),
         replace(view, garment=registered),
         replace(
-            heat,
-            garment=case.original,
-            error_mm=distances_mm(case.original.vertices, registered),
+            heat, garment=case.original, error_mm=distances_mm(case.original.vertices, registered)
         ),
         replace(view, garment=made),
         replace(
@@ -59,12 +61,12 @@ def error_views(case: GarmentCase) -> list[View]:
     ]
 
 
-def walk_view(garment: Mesh, wearer: Mesh, garment_type: str) -> View:
+def walk_view(garment: Mesh, wearer: Mesh, garment_type: str) -> GarmentPicture:
     """A step of a transition: the garment on its wearer in the colour of its type."""
     return replace(wearer_view(wearer, garment_colour(garment_type)), garment=garment)
 
 
-def worn_view(worn: WornGarment) -> View:
+def worn_view(worn: WornGarment) -> GarmentPicture:
     """A garment in motion on its wearer, in the colour of its type."""
     front = facing_direction(worn.root_rotation)
     return replace(
@@ -83,7 +85,6 @@ def plot_codes(
     """Figure 8: the codes of garments in the plane, coloured by type; held-out ones are ringed.
 
     Args:
-        path: the figure.
         codes: (N, Z) means of the codes; of more than 1500, evenly spaced ones are drawn.
         garments, splits: (N,) type and split of each.
     """

@@ -130,7 +130,6 @@ def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of tables.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics; models that it does not hold have no row.
 
     Raises:

@@ -37,8 +37,8 @@ from drapeline.rendering.raytracer import ray_share, raytrace
 from drapeline.report.colours import garment_colour
 from drapeline.report.models.garment4d.figures import spread_frames
 from drapeline.report.models.scene import (
+    GarmentPicture,
     Scene,
-    View,
     fit_scene,
     plot_views,
     share_scale,
@@ -84,7 +84,7 @@ def plot_rebuilt(path: str | Path, garments: list[RebuiltGarment]) -> None:
     )
 
 
-def _rebuilt_views(garment: RebuiltGarment) -> list[View]:
+def _rebuilt_views(garment: RebuiltGarment) -> list[GarmentPicture]:
     view = wearer_view(garment.wearer, garment_colour(garment.garment))
     error = distances_mm(garment.sheet.vertices, garment.original)
     return [
@@ -97,12 +97,7 @@ def _rebuilt_views(garment: RebuiltGarment) -> list[View]:
 
 
 def plot_gallery(path: str | Path, garments: Sequence[GalleryGarment]) -> None:
-    """Write a sheet.
-
-    Args:
-        path: the PNG.
-        garments: of one sheet, row by row; a card says so if there are none.
-    """
+    """Write a sheet of garments, row by row; a card says so if there are none."""
     if not garments:
         save_contact_sheet(path, [(text_card("Nothing to show", _NOTHING, _CARD), "")], 1)
         return
@@ -123,19 +118,14 @@ def plot_gallery(path: str | Path, garments: Sequence[GalleryGarment]) -> None:
             )
             for garment in row
         ]
-        for row in progress(rows.values(), total=len(rows), label="rows")
+        for row in progress(rows.values(), label="rows")
     ]
     columns = [garment.column for garment in next(iter(rows.values()))]
     save_grid(path, cells, labels=list(rows), columns=columns)
 
 
 def plot_clip(path: str | Path, rows: Mapping[str, Sequence[WornGarment]]) -> None:
-    """Write a sheet of frames in motion, a row for each way of moving the same garment.
-
-    Args:
-        path: the PNG.
-        rows: title -> frames in the world, the floor at zero.
-    """
+    """Write a sheet of frames in the world, a titled row for each way of moving the garment."""
     scenes = share_scale(
         [
             fit_scene(_facing(worn), [worn.wearer.vertices, worn.garment.vertices], _CLIP_SIZE)
@@ -158,7 +148,7 @@ def animate_clip(path: str | Path, frames: Sequence[WornGarment]) -> None:
     scene = fit_scene(_facing(frames[0]), every, _MOVING_SIZE)
     pictures = [
         view_picture(_worn_view(worn, scene), size=_MOVING_SIZE, samples=8)
-        for worn in progress(frames[::_EVERY], total=len(frames[::_EVERY]), label="frames")
+        for worn in progress(frames[::_EVERY], label="frames")
     ]
     save_animation(path, pictures, 1000 * _EVERY / FPS)
 
@@ -167,8 +157,8 @@ def _facing(worn: WornGarment) -> Scene:
     return Scene(front=facing_direction(worn.root_rotation))
 
 
-def _worn_view(worn: WornGarment, scene: Scene) -> View:
-    return View(worn.garment, worn.wearer, garment_colour(worn.garment_type), scene=scene)
+def _worn_view(worn: WornGarment, scene: Scene) -> GarmentPicture:
+    return GarmentPicture(worn.garment, worn.wearer, garment_colour(worn.garment_type), scene=scene)
 
 
 def _frame(garments: Sequence[GalleryGarment]) -> tuple[float, float, tuple[int, int]]:
@@ -188,7 +178,7 @@ def _frame(garments: Sequence[GalleryGarment]) -> tuple[float, float, tuple[int,
     return float(height), float(low + high) / 2, size
 
 
-def _view(garment: GalleryGarment, height: float, middle: float) -> View:
+def _view(garment: GalleryGarment, height: float, middle: float) -> GarmentPicture:
     view = wearer_view(garment.wearer, garment_colour(garment.garment))
     floor = view.scene.floor_z
     scene = replace(view.scene, height_m=height, target=(0.0, 0.0, middle - floor))
@@ -207,7 +197,7 @@ def plot_own_picture(path: str | Path, picture: FittedPicture) -> None:
 def plot_known_pictures(path: str | Path, pictures: Sequence[FittedPicture]) -> None:
     """Write a row for each picture of simulated garments."""
     rows = []
-    for picture in progress(pictures, total=len(pictures), label="pictures"):
+    for picture in progress(pictures, label="pictures"):
         before, found = _seen(picture, "garments")
         _, true = _seen(picture, "true")
         sides = [_side(picture, kind, _KNOWN_PX) for kind in ("garments", "true")]

@@ -11,7 +11,7 @@ import numpy as np
 from drapeline.job import Job
 from drapeline.metrics.registry import variants
 from drapeline.metrics.smplicit import MODEL
-from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.storage import atomic_file, read_rows
 
@@ -68,7 +68,6 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of tables.
 
     Args:
-        path: the HTML page.
         metrics: table of metrics; models that it does not hold have no row.
 
     Raises:
@@ -82,7 +81,7 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
             " 95 % intervals from resampling outfits; distances are means over the area of the"
             " surface. Codes start at what the image encoder makes of the occlusion image and a"
             " style of zero, and are fitted to samples of the garment's distance field. The best"
-            " of each model is green.",
+            " of each model is green."
         ],
         _SECTIONS,
         read_test_metrics(metrics, [MODEL]),
@@ -90,17 +89,11 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
 
 
 class GalleryTables(NamedTuple):
-    """Rows of the tables of a model's gallery, as they are written.
+    """Rows of the tables of a model's gallery, as they are written."""
 
-    Attributes:
-        garments: of `garments.tsv`.
-        correlations: of `correlations.tsv`.
-        regressions: of `regressions.tsv`.
-    """
-
-    garments: Sequence[Row]
-    correlations: Sequence[Row]
-    regressions: Sequence[Row]
+    garments: Sequence[Row]  # of `garments.tsv`
+    correlations: Sequence[Row]  # of `correlations.tsv`
+    regressions: Sequence[Row]  # of `regressions.tsv`
 
 
 def read_gallery_tables(folder: str | Path) -> GalleryTables:
@@ -123,12 +116,7 @@ def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables])
 
 
 def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
-    """Write the page.
-
-    Args:
-        path: the HTML page.
-        galleries: model -> its tables.
-    """
+    """Write the page of the tables of each model's gallery."""
     rows = {
         name: [row for model, tables in galleries.items() for row in make(model, tables)]
         for name, make in (
@@ -172,8 +160,8 @@ def _axes(model: str, tables: GalleryTables) -> list[dict[str, object]]:
     for row in tables.correlations:
         start = {
             "Model": model,
-            "Axis": Cell(row["axis"], "number"),
-            "Deviation": Cell(f"{float(row['deviation']):.3f}", "number"),
+            "Axis": number(row["axis"]),
+            "Deviation": number(f"{float(row['deviation']):.3f}"),
         }
         entry = rows.setdefault(row["axis"], start)
         entry[row["title"].capitalize()] = _number(row["correlation"], 2)
@@ -189,7 +177,7 @@ def _told(model: str, tables: GalleryTables) -> list[dict[str, object]]:
             "Unit": row["unit"],
             "Mean": _number(row["mean"], 1),
             "Deviation": _number(row["deviation"], 1),
-            "Garments": Cell(row["garments"], "number"),
+            "Garments": number(row["garments"]),
             "Explained share": _number(row["explained_share"], 2),
         }
         for row in tables.regressions
@@ -227,11 +215,9 @@ def _samples(model: str, tables: GalleryTables) -> list[dict[str, object]]:
         {
             "Model": model,
             "Drawn from": title,
-            "Number": Cell(len(rows), "number"),
-            "Like training garments": Cell(
-                sum(row["like_training"] == "true" for row in rows), "number"
-            ),
-            "Nothing left": Cell(sum(row["vertices"] == "0" for row in rows), "number"),
+            "Number": number(len(rows)),
+            "Like training garments": number(sum(row["like_training"] == "true" for row in rows)),
+            "Nothing left": number(sum(row["vertices"] == "0" for row in rows)),
             "Inside the body (%)": _mean([100 * _value(row["inside_share"]) for row in rows], 2),
         }
         for title in dict.fromkeys(row["row"] for row in samples)
@@ -244,12 +230,12 @@ def _value(text: str) -> float:
 
 
 def _number(text: str, digits: int) -> Cell:
-    return Cell(f"{float(text):.{digits}f}" if text else "-", "number")
+    return number(f"{float(text):.{digits}f}" if text else "-")
 
 
 def _mean(values: Sequence[float] | np.ndarray, digits: int) -> Cell:
     known = [value for value in values if np.isfinite(value)]
-    return Cell(f"{np.mean(known):.{digits}f}" if known else "-", "number")
+    return number(f"{np.mean(known):.{digits}f}" if known else "-")
 
 
 def tabulate(job: Job) -> None:

@@ -22,7 +22,7 @@ def record(toy_body):
     poses[:, 3 * 18 + 2] = np.linspace(0, 0.8, 4)
     path = np.zeros((4, 3))
     path[:, 0] = np.arange(4)
-    return make_body_sequence(toy_body, SHAPE, poses, path, gender=0)
+    return make_body_sequence(toy_body, SHAPE, poses, path, gender="female")
 
 
 def clip(toy_body, record, frames, skinning="nearest"):

@@ -20,7 +20,7 @@ def points():
 
 
 def test_distances_are_the_networks_in_metres(model, points):
-    field = NetworkField(model, Z, SHAPE, 1)
+    field = NetworkField(model, Z, SHAPE, "male")
     places = model.places(torch.tensor(SHAPE[None], dtype=torch.float32), torch.tensor([1]))
     z = torch.tensor(Z[None], dtype=torch.float32)
     with torch.no_grad():
@@ -31,7 +31,7 @@ def test_distances_are_the_networks_in_metres(model, points):
 
 
 def test_gradients_are_those_of_the_distances(model, points):
-    field = NetworkField(model, Z, SHAPE, 0)
+    field = NetworkField(model, Z, SHAPE, "female")
     some = points[:200]
     distances, slopes = field.gradients(some)
     np.testing.assert_allclose(distances, field.distances(some), atol=1e-7)

