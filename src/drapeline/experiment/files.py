@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from drapeline.experiment.checks import require_splits
-from drapeline.experiment.groups import Group
+from drapeline.experiment.groups import PlannedGroup
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 
@@ -28,7 +28,7 @@ class ExperimentFiles:
     """
 
     config: Mapping[str, Any]
-    groups: Mapping[str, Group]
+    groups: Mapping[str, PlannedGroup]
     bodies: Mapping[str, str]
     hanging_solver: str
 
@@ -85,17 +85,17 @@ class ExperimentFiles:
         return f"{self.results}/{table}.tsv"
 
     @cached_property
-    def moving(self) -> list[Group]:
+    def moving(self) -> list[PlannedGroup]:
         """Groups of simulated samples."""
         return [group for group in self.groups.values() if not group.at_rest]
 
     @cached_property
-    def resting(self) -> list[Group]:
+    def resting(self) -> list[PlannedGroup]:
         """Groups of outfits at rest."""
         return [group for group in self.groups.values() if group.at_rest]
 
     @cached_property
-    def published(self) -> list[Group]:
+    def published(self) -> list[PlannedGroup]:
         """Groups whose samples are the dataset."""
         return [group for group in self.moving if group.published]
 
@@ -124,7 +124,7 @@ class ExperimentFiles:
         """Held-out samples whose scans all models are fitted to."""
         return self.first_of_split(self.config["scans"]["count"], EVALUATED_SPLITS[0])
 
-    def per_shard(self, pattern: str, groups: Iterable[Group]) -> list[str]:
+    def per_shard(self, pattern: str, groups: Iterable[PlannedGroup]) -> list[str]:
         """What a pattern stands for in all shards of groups."""
         return [
             pattern.format(group=group.name, shard=shard)
@@ -186,7 +186,9 @@ class ExperimentFiles:
         """A check that the plan has samples in motion in these splits."""
         return self._splits_check(self.moving, splits)
 
-    def _splits_check(self, groups: Sequence[Group], splits: Sequence[str]) -> Callable[[], None]:
+    def _splits_check(
+        self, groups: Sequence[PlannedGroup], splits: Sequence[str]
+    ) -> Callable[[], None]:
         shares = {group.name: self.config["groups"][group.name] for group in groups}
         planned = [plan.split for group in groups for plan in group.plans]
         return partial(require_splits, planned, splits, groups=shares)

@@ -51,7 +51,7 @@ from drapeline.report.models.gcvae.figures import (
     walk_view,
     worn_view,
 )
-from drapeline.report.models.scene import View, plot_views
+from drapeline.report.models.scene import GarmentPicture, plot_views
 from drapeline.seeding import rng_for
 
 _MEAN_FRAMES = 64  # whose mean wrinkle code stands for that of a type
@@ -377,7 +377,7 @@ def plot_walks(job: Job) -> None:
     # Held-out garments where there is one of a type.
     rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 
-    def views(steps: int) -> dict[str, list[View]]:
+    def views(steps: int) -> dict[str, list[GarmentPicture]]:
         ways = interpolate_as_figure_9(model, types, data, rows, codes.of(rows), steps)
         return {
             name: [walk_view(at.mesh, wearer_mesh(bodies, at.cvar), at.garment) for at in way]
