@@ -22,14 +22,7 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import (
-    ArrayFiles,
-    atomic_folder,
-    load_npz,
-    open_arrays,
-    read_json,
-    save_npz,
-)
+from drapeline.storage import ArrayFiles, atomic_folder, load_npz, open_arrays, read_json, save_npz
 
 # Poses that a frame may be conditioned on: its own and those of three before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3

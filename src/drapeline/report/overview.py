@@ -46,16 +46,11 @@ _STYLE = """<style>
 
 
 class KeyNumber(NamedTuple):
-    """A number that matters.
-
-    Attributes:
-        value: with its unit.
-        note: what to hold it against.
-    """
+    """A number that matters."""
 
     title: str
-    value: str
-    note: str
+    value: str  # with its unit
+    note: str  # what to hold it against
 
 
 class _Comparison(NamedTuple):
