@@ -11,9 +11,5 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
-    shown = plot_group(
-        snakemake.output[0],
-        samples_of(snakemake.input),
-        most=snakemake.params.most,
-    )
+    shown = plot_group(snakemake.output[0], samples_of(snakemake.input), most=snakemake.params.most)
     log.info("%d samples", shown)

@@ -326,6 +326,34 @@ def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.me
     return np.lib.format.open_memmap(path, mode="r+")
 
 
+class ArrayFiles:
+    """Arrays `{key}.npy` of a folder, together larger than memory perhaps, filled part by part.
+
+    Args:
+        layouts: key -> type and shape; the first axis is that of the parts.
+
+    Attributes:
+        arrays: by key, memory-mapped, zero where no part has come to.
+    """
+
+    def __init__(self, folder: Path, layouts: Mapping[str, tuple[type, tuple[int, ...]]]) -> None:
+        self.arrays = {
+            key: create_array(folder / f"{key}.npy", *layout) for key, layout in layouts.items()
+        }
+        self._filled = dict.fromkeys(layouts, 0)
+
+    def append(self, **parts: np.ndarray) -> None:
+        """Put parts behind those that are there."""
+        for key, part in parts.items():
+            start, self._filled[key] = self._filled[key], self._filled[key] + len(part)
+            self.arrays[key][start : self._filled[key]] = part
+
+    def flush(self) -> None:
+        """Bring what was put in to the disk."""
+        for array in self.arrays.values():
+            array.flush()
+
+
 def save_npz(path: str | Path, **arrays: Any) -> None:
     """Write arrays, strings and numbers to an `.npz`, without pickling anything.
 

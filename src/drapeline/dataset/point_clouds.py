@@ -21,7 +21,7 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, create_array, open_arrays, read_json, write_json
+from drapeline.storage import ArrayFiles, atomic_folder, open_arrays, read_json, write_json
 
 # Elevation in degrees and number of cameras of each ring. No camera is below the floor, which lies
 # about 0.9 m under the root joint.
@@ -392,7 +392,7 @@ def _write_frames(folder: Path, sample: Sample, settings: CloudSettings, name: s
         settings,
         turn_rad=rig_turn(settings, name),
     )
-    points, labels = create_clouds(folder, sample.frame_count, settings.points)
+    files = ArrayFiles(folder, cloud_layouts(sample.frame_count, settings.points))
     for start in range(0, sample.frame_count, _CHUNK):
         stop = min(start + _CHUNK, sample.frame_count)
         parts = [
@@ -400,19 +400,16 @@ def _write_frames(folder: Path, sample: Sample, settings: CloudSettings, name: s
             *(sample.vertices(g, start, stop, frame="root") for g in sample.garments),
         ]
         for frame in range(start, stop):
-            points[frame], labels[frame] = sampler.sample(
+            points, labels = sampler.sample(
                 [part[frame - start] for part in parts], cloud_rngs(settings, name, frame)
             )
-    points.flush()
-    labels.flush()
+            files.append(points=points[None], labels=labels[None])
+    files.flush()
 
 
-def create_clouds(folder: Path, frames: int, points: int) -> tuple[np.memmap, np.memmap]:
-    """Create `points.npy` (F, P, 3) float32 and `labels.npy` (F, P) uint8, to be filled."""
-    return (
-        create_array(folder / "points.npy", np.float32, (frames, points, 3)),
-        create_array(folder / "labels.npy", np.uint8, (frames, points)),
-    )
+def cloud_layouts(frames: int, points: int) -> dict[str, tuple[type, tuple[int, ...]]]:
+    """Layouts of `points.npy` (F, P, 3) and `labels.npy` (F, P); see `ArrayFiles`."""
+    return {"points": (np.float32, (frames, points, 3)), "labels": (np.uint8, (frames, points))}
 
 
 _ABOUT = {"name": str, "status": str, "split": str, "garments?": [str], "gender?": str}

@@ -6,13 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from drapeline.errors import InputError
-from drapeline.experiment.plan import (
-    Wardrobe,
-    cut_pieces,
-    plan_at_rest,
-    plan_moving,
-    split_clips,
-)
+from drapeline.experiment.plan import Wardrobe, cut_pieces, plan_at_rest, plan_moving, split_clips
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.motions.table import FrameCounts, MotionEntry, motion_table
 

@@ -484,8 +484,7 @@ def _own_patterns(statement: ast.ClassDef) -> list[str]:
     for node in ast.walk(statement):
         match node:
             case ast.Call(
-                func=ast.Name("getattr"),
-                args=[ast.Name("self"), ast.JoinedStr(values=parts), *_],
+                func=ast.Name("getattr"), args=[ast.Name("self"), ast.JoinedStr(values=parts), *_]
             ):
                 found.append(_pattern(parts))
     return found

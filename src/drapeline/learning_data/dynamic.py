@@ -22,14 +22,7 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import (
-    atomic_folder,
-    create_array,
-    load_npz,
-    open_arrays,
-    read_json,
-    save_npz,
-)
+from drapeline.storage import ArrayFiles, atomic_folder, load_npz, open_arrays, read_json, save_npz
 
 # Poses that a frame may be conditioned on: its own and those of three before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
@@ -106,29 +99,23 @@ def collect_dynamic(
     counts = [len(numbers) for numbers in frames]
     vertices = (len(next(iter(bodies.values())).v_template), 3)
     with atomic_folder(output) as scratch:
-        arrays = {
-            key: create_array(scratch / f"{key}.npy", dtype, shape)
-            for key, dtype, shape in (
-                ("offsets", np.float32, (sum(counts), *vertices)),
-                ("base", np.float32, (sum(counts), *vertices)),
-                ("poses", np.float32, (sum(counts), HISTORY_FRAMES, 72)),
-                ("mask", np.bool_, (len(counts), vertices[0])),
-                ("static", np.float32, (len(counts), *vertices)),
-            )
-        }
+        files = ArrayFiles(
+            scratch,
+            {
+                "offsets": (np.float32, (sum(counts), *vertices)),
+                "base": (np.float32, (sum(counts), *vertices)),
+                "poses": (np.float32, (sum(counts), HISTORY_FRAMES, 72)),
+                "mask": (np.bool_, (len(counts), vertices[0])),
+                "static": (np.float32, (len(counts), *vertices)),
+            },
+        )
         about: list[dict[str, Any]] = []
-        start = 0
         for sample in progress(accepted, label="samples"):
             for recording in _recordings(sample, bodies, version):
-                end = start + len(sample.frames)
-                for key in _FRAME_ARRAYS:
-                    arrays[key][start:end] = getattr(recording, key)
-                for key in _GARMENT_ARRAYS:
-                    arrays[key][len(about)] = getattr(recording, key)
+                files.append(**{key: getattr(recording, key) for key in _FRAME_ARRAYS})
+                files.append(**{key: getattr(recording, key)[None] for key in _GARMENT_ARRAYS})
                 about.append(recording.about)
-                start = end
-        for array in arrays.values():
-            array.flush()
+        files.flush()
         save_npz(
             scratch / "frames.npz",
             frame=np.concatenate(frames),

@@ -18,7 +18,7 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
+from drapeline.storage import ArrayFiles, atomic_folder, load_npz, open_arrays, save_npz
 
 # Points near the surface are moved off it by a normal deviate in each coordinate: half of them by
 # about a wall's thickness, half as far as clipped distances reach.
@@ -224,25 +224,22 @@ def collect_fields(
 def _copy_points(
     folder: Path, shards: Mapping[str | Path, int], chosen: Sequence[np.ndarray], count: int
 ) -> None:
-    arrays: dict[str, np.memmap] = {}
-    start = 0
+    files: ArrayFiles | None = None
     pairs = zip(shards.items(), chosen, strict=True)
     for (path, rows), some in progress(pairs, total=len(shards), label="shards"):
         part = load_npz(path, _POINTS, n=rows)
-        end = start + len(some)
-        for name in _POINTS:
-            if name not in arrays:
-                shape = (count, *part[name].shape[1:])
-                arrays[name] = create_array(folder / f"{name}.npy", np.float32, shape)
-            if part[name].shape[1:] != arrays[name].shape[1:]:
+        if files is None:
+            layouts = {name: (np.float32, (count, *part[name].shape[1:])) for name in _POINTS}
+            files = ArrayFiles(folder, layouts)
+        for name, array in files.arrays.items():
+            if part[name].shape[1:] != array.shape[1:]:
                 raise InputError(
                     f"{path}: has {part[name].shape[1]} points '{name}' per garment, expected"
-                    f" {arrays[name].shape[1]}; sample it anew"
+                    f" {array.shape[1]}; sample it anew"
                 )
-            arrays[name][start:end] = part[name][some]
-        start = end
-    for array in arrays.values():
-        array.flush()
+        files.append(**{name: part[name][some] for name in _POINTS})
+    if files is not None:
+        files.flush()
 
 
 def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:

@@ -24,8 +24,8 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
 from drapeline.storage import (
+    ArrayFiles,
     atomic_folder,
-    create_array,
     load_npz,
     open_arrays,
     read_json,
@@ -139,29 +139,21 @@ def _write_clouds_and_garments(
 ) -> None:
     """Write the arrays with a row per frame, one sequence at a time; `output` is for errors."""
     first, total = sequences[0], sum(len(one.poses) for one in sequences)
-    layouts = [
-        ("points", np.float32, first.points.shape[1:]),
-        ("labels", np.uint8, first.labels.shape[1:]),
-        ("garment", np.float32, first.canonical.shape),
-        # Five jobs read these; computing them takes longer than an epoch of training.
-        *([("body_relative_points", np.float32, (first.points.shape[1], 4))] if bodies else []),
-    ]
-    arrays = {
-        name: create_array(folder / f"{name}.npy", dtype, (total, *shape))
-        for name, dtype, shape in layouts
+    layouts = {
+        "points": (np.float32, (total, *first.points.shape[1:])),
+        "labels": (np.uint8, (total, *first.labels.shape[1:])),
+        "garment": (np.float32, (total, *first.canonical.shape)),
     }
-    start = 0
+    if bodies:  # five jobs read these; computing them takes longer than an epoch of training
+        layouts["body_relative_points"] = (np.float32, (total, first.points.shape[1], 4))
+    files = ArrayFiles(folder, layouts)
     for one in progress(sequences, label="sequences"):
-        garment, end = one.garment(), start + len(one.poses)
+        garment = one.garment()
         _refuse_unfinite(output, one, garment)
-        values = {"points": one.points, "labels": one.labels, "garment": garment}
+        files.append(points=one.points, labels=one.labels, garment=garment)
         if bodies:
-            values["body_relative_points"] = _body_relative_points(one, bodies)
-        for name, value in values.items():
-            arrays[name][start:end] = value
-        start = end
-    for array in arrays.values():
-        array.flush()
+            files.append(body_relative_points=_body_relative_points(one, bodies))
+    files.flush()
 
 
 def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:

@@ -20,7 +20,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.point_clouds import CloudSampler, cloud_rngs, create_clouds, rig_turn
+from drapeline.dataset.point_clouds import CloudSampler, cloud_layouts, cloud_rngs, rig_turn
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.settings import CloudSettings
@@ -36,8 +36,8 @@ from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import (
+    ArrayFiles,
     atomic_folder,
-    create_array,
     load_npz,
     open_arrays,
     read_json,
@@ -193,13 +193,12 @@ def _write(
     settings: SkinnedSettings,
 ) -> None:
     span = settings.step * np.arange(settings.frames)
-    points, labels = create_clouds(folder, len(outfits) * settings.frames, settings.clouds.points)
     sizes = [[len(g.vertices) for g in o.outfit.garments] for o in outfits]
     rows = settings.frames * sum(map(sum, sizes))
-    cloth = create_array(folder / "cloth.npy", np.float32, (rows, 3))
+    clouds = cloud_layouts(len(outfits) * settings.frames, settings.clouds.points)
+    files = ArrayFiles(folder, clouds | {"cloth": (np.float32, (rows, 3))})
     chosen: list[tuple[str, np.ndarray, np.ndarray]] = []
-    row = 0
-    for index, static in enumerate(progress(outfits, label="outfits")):
+    for static in progress(outfits, label="outfits"):
         rng = rng_for(settings.clouds.seed, "skinned", static.name)
         own = [m for m in motions if m.split == static.split]
         motion = own[rng.integers(len(own))]
@@ -207,15 +206,12 @@ def _write(
         poses = motion.poses[number]
         body = bodies[static.outfit.gender]
         worn = skin_outfit(static.outfit, body, poses)
-        part = slice(index * settings.frames, (index + 1) * settings.frames)
-        points[part], labels[part] = _clouds(static, body, worn, settings.clouds)
+        points, labels = _clouds(static, body, worn, settings.clouds)
+        files.append(points=points, labels=labels)
         for vertices in worn.garments.values():
-            flat = vertices.reshape(-1, 3)
-            cloth[row : row + len(flat)] = flat
-            row += len(flat)
+            files.append(cloth=vertices.reshape(-1, 3))
         chosen.append((motion.sample, number, poses))
-    for array in (points, labels, cloth):
-        array.flush()
+    files.flush()
     save_npz(
         folder / "sequences.npz",
         name=np.array([o.name for o in outfits], dtype=str),

@@ -13,7 +13,7 @@ from drapeline.learning_data.vertex_moments import body_statistics, offset_stati
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
+from drapeline.storage import ArrayFiles, atomic_folder, load_npz, open_arrays, save_npz
 
 _ROWS = {
     "shape": "float n 10",
@@ -56,9 +56,9 @@ def collect_static(
     )
     with atomic_folder(output) as scratch:
         shape = (len(rows["split"]), count)
-        offsets = create_array(scratch / "offsets.npy", np.float32, (*shape, 3))
-        mask = create_array(scratch / "mask.npy", np.bool_, shape)
-        start = 0
+        files = ArrayFiles(
+            scratch, {"offsets": (np.float32, (*shape, 3)), "mask": (np.bool_, shape)}
+        )
         for path, own in progress(
             zip(shards, about, strict=True), total=len(shards), label="shards"
         ):
@@ -69,12 +69,10 @@ def collect_static(
                         f"{path}: counts {array.shape[1]} body vertices, expected {count};"
                         " register it anew"
                     )
-            end = start + len(part["mask"])
-            offsets[start:end], mask[start:end] = part["offsets"], part["mask"]
-            start = end
+            files.append(**part)
+        offsets, mask = files.arrays["offsets"], files.arrays["mask"]
         mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
-        offsets.flush()
-        mask.flush()
+        files.flush()
         save_npz(scratch / "rows.npz", **rows)
         save_npz(
             scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std

@@ -93,37 +93,22 @@ def compare_representations(
             rows.append(Measured(garment.outfit, garment.garment, measured))
         tables.append(
             summarise(
-                rows,
-                model=REPRESENTATION,
-                variant=variant,
-                split=split,
-                seed=seed,
-                by_source=False,
+                rows, model=REPRESENTATION, variant=variant, split=split, seed=seed, by_source=False
             )
         )
     return join(tables)
 
 
 class KnownScan(NamedTuple):
-    """A scan of a simulated sample.
+    """A scan of a simulated sample."""
 
-    Attributes:
-        scan: with what is known of it.
-        body: fitted to it.
-        sample: name of the sample.
-        source: cloth solver that moved the garments.
-        true: garment -> simulated triangles, in the scan's world.
-        classes: garment -> one of `CLASSES`.
-        true_body: (V, 3) vertices of the simulated body.
-    """
-
-    scan: SegmentedScan
-    body: BodyState
-    sample: str
-    source: str
-    true: dict[str, Mesh]
-    classes: dict[str, str]
-    true_body: np.ndarray
+    scan: SegmentedScan  # with what is known of it
+    body: BodyState  # fitted to it
+    sample: str  # name of the sample
+    source: str  # cloth solver that moved the garments
+    true: dict[str, Mesh]  # garment -> simulated triangles, in the scan's world
+    classes: dict[str, str]  # garment -> one of `CLASSES`
+    true_body: np.ndarray  # (V, 3) vertices of the simulated body
 
 
 def known_scans(

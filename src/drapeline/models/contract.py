@@ -12,19 +12,12 @@ from drapeline.geometry.mesh import Mesh
 
 
 class HeldOutGarment(NamedTuple):
-    """A static garment that no model was trained on.
+    """A static garment that no model was trained on."""
 
-    Attributes:
-        row: its row in the static dataset.
-        outfit: name of its outfit.
-        garment: its type, one of `GARMENTS`.
-        mesh: as it was made, before any registration: triangles, root-relative metres.
-    """
-
-    row: int
-    outfit: str
-    garment: str
-    mesh: Mesh
+    row: int  # its row in the static dataset
+    outfit: str  # name of its outfit
+    garment: str  # its type, one of `GARMENTS`
+    mesh: Mesh  # as it was made, before any registration: triangles, root-relative metres
 
 
 class Representation(Protocol):

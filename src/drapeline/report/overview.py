@@ -45,17 +45,12 @@ _STYLE = """<style>
 </style>"""
 
 
-class Figure(NamedTuple):
-    """A number that matters.
-
-    Attributes:
-        value: with its unit.
-        note: what to hold it against.
-    """
+class KeyNumber(NamedTuple):
+    """A number that matters."""
 
     title: str
-    value: str
-    note: str
+    value: str  # with its unit
+    note: str  # what to hold it against
 
 
 class _Comparison(NamedTuple):
@@ -149,12 +144,14 @@ def write_overview(
     )
 
 
-def _dataset_figures(dataset: Path, status: Table, records: Sequence[SampleRecord]) -> list[Figure]:
+def _dataset_figures(
+    dataset: Path, status: Table, records: Sequence[SampleRecord]
+) -> list[KeyNumber]:
     overview = read_table(dataset / "statistics_overview.tsv", OVERVIEW).set_index("measure")["all"]
     at_once = ((status["status"] == "accepted") & (status["attempts"] == 1)).sum()
     figures = [
-        Figure("Samples", f"{len(records)} of {len(status)}", "accepted"),
-        Figure(
+        KeyNumber("Samples", f"{len(records)} of {len(status)}", "accepted"),
+        KeyNumber(
             "Accepted at the first attempt",
             f"{100 * at_once / max(len(status), 1):.0f} %",
             "of all samples",
@@ -166,22 +163,22 @@ def _dataset_figures(dataset: Path, status: Table, records: Sequence[SampleRecor
     share = np.mean([inside.values(record)[1] for record in records])
     return [
         *figures,
-        Figure(
+        KeyNumber(
             "Frames",
             f"{int(overview['frames']):,}",
             f"{overview['actions']} actions from {overview['motion clips']} motion clips",
         ),
-        Figure(
+        KeyNumber(
             "Garments",
             overview["garments"],
             f"of {overview['garment types']} types and {overview['fabrics']} fabrics",
         ),
-        Figure(
+        KeyNumber(
             "Bodies",
             overview["subjects (bodies)"],
             f"{overview['female']} female, {overview['male']} male",
         ),
-        Figure(
+        KeyNumber(
             "Garment vertices inside the body",
             f"{share:.{inside.digits}f} {inside.unit}",
             f"mean over frames; the goal is at most {inside.bounds[1]:g} {inside.unit}",
@@ -189,17 +186,17 @@ def _dataset_figures(dataset: Path, status: Table, records: Sequence[SampleRecor
     ]
 
 
-def _registration_figures(table: str | Path) -> list[Figure]:
+def _registration_figures(table: str | Path) -> list[KeyNumber]:
     errors = read_table(table, SUMMARY)
     errors = errors[errors["metric"] == "garment_to_rebuilt_mean_mm"]
     garments = int(errors["garments"].sum())
     if not garments:
         return []
     mean = errors["total"].sum() / garments
-    return [Figure("Registration error", f"{mean:.2f} mm", f"mean of {garments} garments")]
+    return [KeyNumber("Registration error", f"{mean:.2f} mm", f"mean of {garments} garments")]
 
 
-def _model_figures(metrics: str | Path) -> list[Figure]:
+def _model_figures(metrics: str | Path) -> list[KeyNumber]:
     measured = read_test_metrics(metrics)
     measured = measured[measured["source"] == ""]
     figures = []
@@ -219,7 +216,7 @@ def _model_figures(metrics: str | Path) -> list[Figure]:
         notes = [errors[models[0]].title]
         notes += [f"{errors[name].title}: {errors[name].value:.1f} mm" for name in beside]
         value = f"{errors[models[0]].value:.1f} mm"
-        figures.append(Figure(comparison.title, value, "; ".join(notes)))
+        figures.append(KeyNumber(comparison.title, value, "; ".join(notes)))
     return figures
 
 
@@ -242,7 +239,7 @@ def _mean_error(measured: Table, variants: str, metric: str) -> _Error | None:
     return _Error(variant(first["model"], first["variant"]).title, float(np.mean(values)))
 
 
-def _numbers(figures: Iterable[Figure]) -> str:
+def _numbers(figures: Iterable[KeyNumber]) -> str:
     cells = "\n".join(
         f"<div><dt>{escape(title)}</dt><dd><strong>{escape(value)}</strong>{escape(note)}</dd></div>"
         for title, value, note in figures

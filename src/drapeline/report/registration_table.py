@@ -7,7 +7,8 @@ import pandas as pd
 
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.error_table import COLUMNS, FILE_NAME
-from drapeline.report.html import Cell, html_table, number, write_page
+from drapeline.report.html import Cell, number
+from drapeline.report.tables import Section, write_sections
 from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
 
 TARGET_MM = 3.0
@@ -72,18 +73,18 @@ def write_registration_tables(
         for group, shards in groups.items()
     }
     write_table(table, pd.concat(summary.values(), ignore_index=True), SUMMARY)
-    write_page(
-        page,
-        "Registration: errors of the round trip to offsets and back",
-        "<p>Every garment is laid onto the body, stored as offsets of body vertices, and rebuilt"
+    about = (
+        "Every garment is laid onto the body, stored as offsets of body vertices, and rebuilt"
         f" from them. The goals are mean surface errors below {TARGET_MM:g} mm in both directions,"
         " and neither holes nor islands in the cleaned mask. Area counts as lost where the garment"
-        " is more than 10 mm from the rebuilt one.</p>",
-        *(
-            f"<h2>Group {group}, in the rest pose</h2>{html_table(errors_by_type(rows, _cell))}"
-            for group, rows in summary.items()
-        ),
+        " is more than 10 mm from the rebuilt one."
     )
+    title = "Registration: errors of the round trip to offsets and back"
+    sections = (
+        Section(f"Group {group}, in the rest pose", errors_by_type(rows, _cell))
+        for group, rows in summary.items()
+    )
+    write_sections(page, title, [about], sections)
 
 
 def errors_by_type(

@@ -1,6 +1,6 @@
 """Tables of metrics, and pages that are lists of sections."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.schema import Column, Schema, Table, make_table, write_table
 
 MEAN_OF_TYPES = "Mean of types"
+Rows = Sequence[Mapping[str, object]]
 _HEADINGS = {"variant": "Model", "garment": "Garment", "metric": "Measure", "source": "Samples"}
 _PRINTED = Schema(
     "numbers that a paper prints",
@@ -201,25 +202,19 @@ class MetricTable:
 
 
 class Section(NamedTuple):
-    """A part of a page.
-
-    Attributes:
-        table: of the metrics, or what makes the rows of one.
-        about: paragraph between heading and table, or nothing.
-        below: paragraph below the table, or nothing.
-        by_source: whether the samples of each cloth solver have a `MetricTable` as well.
-    """
+    """A part of a page."""
 
     title: str
-    table: MetricTable | Callable[[Table], Sequence[Mapping[str, object]]]
-    about: str = ""
-    below: str = ""
-    by_source: bool = False
+    table: MetricTable | Rows
+    about: str = ""  # paragraph between heading and table
+    below: str = ""  # paragraph below the table
+    by_source: bool = False  # whether the samples of each cloth solver have a table as well
 
-    def html(self, measured: Table) -> str:
-        """Heading, paragraphs and tables."""
+    def html(self, measured: Table | None = None) -> str:
+        """Heading, paragraphs and tables; a `MetricTable` shows what was measured."""
         parts = [f"<h2>{self.title}</h2>", f"<p>{self.about}</p>" if self.about else ""]
-        parts.append(html_table(self._rows(measured)))
+        shown = self.table
+        parts.append(html_table(shown.rows(measured) if isinstance(shown, MetricTable) else shown))
         if self.by_source:
             alone = replace(self.table, printed=None)
             for source in sorted(set(measured["source"]) - {""}):
@@ -229,18 +224,15 @@ class Section(NamedTuple):
         parts.append(f"<p>{self.below}</p>" if self.below else "")
         return "\n".join(filter(None, parts))
 
-    def _rows(self, measured: Table) -> Sequence[Mapping[str, object]]:
-        return (
-            self.table.rows(measured)
-            if isinstance(self.table, MetricTable)
-            else self.table(measured)
-        )
-
 
 def write_sections(
-    path: str | Path, title: str, about: Iterable[str], sections: Iterable[Section], measured: Table
+    path: str | Path,
+    title: str,
+    about: Iterable[str],
+    sections: Iterable[Section],
+    measured: Table | None = None,
 ) -> None:
-    """Write a page of what `read_test_metrics` reads: paragraphs, then sections."""
+    """Write a page: paragraphs, then sections of what `read_test_metrics` has read."""
     paragraphs = (f"<p>{text}</p>" for text in about)
     write_page(path, title, *paragraphs, *(section.html(measured) for section in sections))
 

@@ -43,20 +43,14 @@ _FLOOR = 0.3  # of a channel's median deviation: cells that hardly vary count le
 
 
 class CanonicalOutput(NamedTuple):
-    """Output of the stage for B windows of T clouds with P points.
+    """Output of the stage for B windows of T clouds with P points."""
 
-    Attributes:
-        logits: (B, T, P, L) of the labels `dataset.labels.LABELS`; None without segmentation.
-        coefficients: (B, D) alpha.
-        vertices: (B, N, 3) T(alpha), metres, root frame.
-        levels: the garment's points, finest first, of B * T clouds.
-        initial_alpha: (B, D) that alpha started from; None from a network without a `regression`.
-    """
-
+    # (B, T, P, L) of the labels `dataset.labels.LABELS`; None without segmentation.
     logits: torch.Tensor | None
-    coefficients: torch.Tensor
-    vertices: torch.Tensor
-    levels: list[PointLevel]
+    coefficients: torch.Tensor  # (B, D) alpha
+    vertices: torch.Tensor  # (B, N, 3) T(alpha), metres, root frame
+    levels: list[PointLevel]  # the garment's points, finest first, of B * T clouds
+    # (B, D) that alpha started from; None from a network without a `regression`.
     initial_alpha: torch.Tensor | None = None
 
 

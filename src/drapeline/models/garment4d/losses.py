@@ -77,10 +77,7 @@ class UniformLaplacian(_Laplacian):
 
 
 def laplacian_difference(
-    laplacian: CotangentLaplacian,
-    predicted: torch.Tensor,
-    true: torch.Tensor,
-    form: str = "paper",
+    laplacian: CotangentLaplacian, predicted: torch.Tensor, true: torch.Tensor, form: str = "paper"
 ) -> torch.Tensor:
     """Difference in roughness between two garments, mean over vertices (equation 6).
 

@@ -166,11 +166,7 @@ class _Tasks:
             step=skinned["step"],
         )
         require_sequences(
-            garment,
-            planned,
-            stage=stage,
-            sources=training["sources"],
-            window=training["frames"],
+            garment, planned, stage=stage, sources=training["sources"], window=training["frames"]
         )
 
     def _stage_settings(self, stage: str) -> dict[str, Any]:
@@ -249,11 +245,7 @@ class _Tasks:
                 "data": files.static,
                 "outfits": files.outfits_at_rest,
             },
-            {
-                "garments": files.compared_garments,
-                "split": EVALUATED_SPLITS[0],
-                "seed": self.seed,
-            },
+            {"garments": files.compared_garments, "split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=1200,
             megabytes=2500,
             checks=[files.resting_in(*EVALUATED_SPLITS)],

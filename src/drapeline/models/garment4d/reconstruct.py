@@ -47,39 +47,26 @@ LEAST_SHARE = 0.02
 
 
 class ReconstructedGarment(NamedTuple):
-    """A garment through a sequence, stage by stage; metres, root frame.
+    """A garment through a sequence, stage by stage; metres, root frame."""
 
-    Attributes:
-        labels: (F, P) uint8 of the points, or None from a network without segmentation.
-        canonical: (N, 3) T(alpha').
-        proposal: (F, N, 3) interpolated skinning of it.
-        final: (F, N, 3) with the displacements.
-        seconds: that all of it took.
-    """
-
+    # (F, P) uint8 of the points, or None from a network without segmentation.
     labels: np.ndarray | None
-    canonical: np.ndarray
-    proposal: np.ndarray
-    final: np.ndarray
-    seconds: float
+    canonical: np.ndarray  # (N, 3) T(alpha')
+    proposal: np.ndarray  # (F, N, 3) interpolated skinning of it
+    final: np.ndarray  # (F, N, 3) with the displacements
+    seconds: float  # that all of it took
 
 
 class Estimate(NamedTuple):
-    """Output of a canonical network for a sequence.
+    """Output of a canonical network for a sequence."""
 
-    Attributes:
-        labels: (F, P) uint8 of the points, or None from a network without segmentation.
-        canonical: (N, 3) metres, T of the mean alpha' of all windows.
-        regressed: the same of the alpha that the network started from; None if from none.
-        outputs: of the batches of windows, in order.
-        seconds: that all of it took.
-    """
-
+    # (F, P) uint8 of the points, or None from a network without segmentation.
     labels: np.ndarray | None
-    canonical: np.ndarray
+    canonical: np.ndarray  # (N, 3) metres, T of the mean alpha' of all windows
+    # The same of the alpha that the network started from; None if from none.
     regressed: np.ndarray | None
-    outputs: list[CanonicalOutput]
-    seconds: float
+    outputs: list[CanonicalOutput]  # of the batches of windows, in order
+    seconds: float  # that all of it took
 
 
 @torch.inference_mode()
@@ -353,41 +340,26 @@ def build_reconstruction(
 
 
 class ReconstructedMotion(NamedTuple):
-    """A garment that was reconstructed from point clouds.
+    """A garment that was reconstructed from point clouds."""
 
-    Attributes:
-        garment: its type, one of `drapeline.outfits.garment_types.GARMENTS`.
-        vertices: (F, N, 3) float32 metres, in the frame of the clouds.
-        faces: (E, 3) int32, the same in all frames.
-        canonical: (N, 3) float32 metres, the garment in the rest pose with the root joint at the
-            origin.
-        points: (F, P, 3) float32, those of the clouds that the networks were given.
-        labels: (F, P) uint8, what each of them was taken for: an index into
-            `drapeline.dataset.labels.LABELS`, 0 for the body.
-    """
-
-    garment: str
-    vertices: np.ndarray
-    faces: np.ndarray
+    garment: str  # its type, one of `drapeline.outfits.garment_types.GARMENTS`
+    vertices: np.ndarray  # (F, N, 3) float32 metres, in the frame of the clouds
+    faces: np.ndarray  # (E, 3) int32, the same in all frames
+    # (N, 3) float32 metres, the garment in the rest pose with the root joint at the origin.
     canonical: np.ndarray
-    points: np.ndarray
+    points: np.ndarray  # (F, P, 3) float32, those of the clouds that the networks were given
+    # (F, P) uint8, what each of them was taken for: an index into
+    # `drapeline.dataset.labels.LABELS`, 0 for the body.
     labels: np.ndarray
 
 
 class ReconstructionSteps(NamedTuple):
-    """A reconstruction step by step, relative to the root joint.
+    """A reconstruction step by step, relative to the root joint."""
 
-    Attributes:
-        points: (F, P, 3) that the networks were given.
-        body: whose garment it is.
-        made: by the networks.
-        final: (F, N, 3) of our last step.
-    """
-
-    points: np.ndarray
-    body: ShapedBody
-    made: ReconstructedGarment
-    final: np.ndarray
+    points: np.ndarray  # (F, P, 3) that the networks were given
+    body: ShapedBody  # whose garment it is
+    made: ReconstructedGarment  # by the networks
+    final: np.ndarray  # (F, N, 3) of our last step
 
 
 class ReconstructionModel:

@@ -24,9 +24,7 @@ class RegisteredTemplate:
     variant = "template_registered"
 
     def __init__(
-        self,
-        spaces: Mapping[str, GarmentSpace],
-        tables: Mapping[str, Mapping[str, RemeshTable]],
+        self, spaces: Mapping[str, GarmentSpace], tables: Mapping[str, Mapping[str, RemeshTable]]
     ) -> None:
         self.spaces, self._tables = spaces, tables
 

@@ -19,13 +19,7 @@ from drapeline.dataset.scans import ScanSequence
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.least_squares import LeastSquares, absolute_weights
-from drapeline.geometry.mesh import (
-    Mesh,
-    barycentric,
-    boundary_edges,
-    face_normals,
-    vertex_normals,
-)
+from drapeline.geometry.mesh import Mesh, barycentric, boundary_edges, face_normals, vertex_normals
 from drapeline.job import Job
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
@@ -63,20 +57,13 @@ _SHOWN = 48  # frames of the sequence that pictures are made of, at most
 
 @dataclass(frozen=True)
 class FitTemplate:
-    """Settings of the fit of a template's components to points.
+    """Settings of the fit of a template's components to points."""
 
-    Attributes:
-        steps: of least squares, after each of which points find new places on the garment.
-        points: of the garment that count, and vertices of the template.
-        weight: of the points, as a number of independent ones.
-        points_m: how far garments are off the points, metres.
-        skinning: how the template follows the body.
-    """
-
-    steps: int = 20
-    points: int = 1500
-    weight: float = 100.0
-    points_m: float = 0.005
+    steps: int = 20  # of least squares, after each of which points find new places on the garment
+    points: int = 1500  # of the garment that count, and vertices of the template
+    weight: float = 100.0  # of the points, as a number of independent ones
+    points_m: float = 0.005  # how far garments are off the points, metres
+    # How the template follows the body.
     skinning: SkinningOptions = field(default_factory=SkinningOptions)
 
 
@@ -244,19 +231,12 @@ def _add_offsets(
 
 
 class ScannedGarment(NamedTuple):
-    """A garment reconstructed from scans; metres, root frame.
+    """A garment reconstructed from scans; metres, root frame."""
 
-    Attributes:
-        canonical: (N, 3).
-        final: (F, N, 3) of our last step.
-        rows: of the table of metrics.
-        shown: some frames with all stages, for figures.
-    """
-
-    canonical: np.ndarray
-    final: np.ndarray
-    rows: Table
-    shown: Reconstruction
+    canonical: np.ndarray  # (N, 3)
+    final: np.ndarray  # (F, N, 3) of our last step
+    rows: Table  # of the table of metrics
+    shown: Reconstruction  # some frames with all stages, for figures
 
 
 def reconstruct_scans(
@@ -311,9 +291,7 @@ def _measure(
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
     for variant, vertices in steps.items():
         measures = metrics.sequence_measures(
-            vertices,
-            body=moving,
-            points=[scan.points for scan in scans.scans],
+            vertices, body=moving, points=[scan.points for scan in scans.scans]
         )
         one = Measured(SPLIT, garment, measures)
         tables.append(summarise([one], model=MODEL, variant=variant, split=SPLIT, seed=seed))

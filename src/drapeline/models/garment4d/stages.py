@@ -487,16 +487,11 @@ def _build(metadata: Mapping[str, Any]) -> Stage:
 
 
 class PosedFiles(NamedTuple):
-    """Bodies, sizes and statistics that reconstruction needs besides the networks.
+    """Bodies, sizes and statistics that reconstruction needs besides the networks."""
 
-    Attributes:
-        bodies: of both genders.
-        points: P, number per cloud that the networks were trained on.
-        worn_statistics: of the simulated training sequences; None where there were none.
-    """
-
-    bodies: BodySet
-    points: int
+    bodies: BodySet  # of both genders
+    points: int  # P, number per cloud that the networks were trained on
+    # Of the simulated training sequences; None where there were none.
     worn_statistics: WornGarmentStatistics | None
 
 

@@ -106,10 +106,7 @@ def _sequences(job: Job) -> BodySequences:
 
 
 def _train(
-    job: Job,
-    stage: Stage,
-    sequences: BodySequences,
-    complete: Callable[[Path], None] | None = None,
+    job: Job, stage: Stage, sequences: BodySequences, complete: Callable[[Path], None] | None = None
 ) -> None:
     train_stage(
         job.output[0],

@@ -21,19 +21,12 @@ from drapeline.storage import load_npz, save_npz
 
 @dataclass(frozen=True)
 class TopologyBatch:
-    """The samples of a batch that share a topology, in coordinate planes.
+    """The samples of a batch that share a topology, in coordinate planes."""
 
-    Attributes:
-        rows: (B_t,) their places in the batch.
-        cvar: (B_t, C) conditions.
-        offsets: (V, 3, B_t) metres.
-        mask: (V, B_t) bool.
-    """
-
-    rows: torch.Tensor
-    cvar: torch.Tensor
-    offsets: torch.Tensor
-    mask: torch.Tensor
+    rows: torch.Tensor  # (B_t,) their places in the batch
+    cvar: torch.Tensor  # (B_t, C) conditions
+    offsets: torch.Tensor  # (V, 3, B_t) metres
+    mask: torch.Tensor  # (V, B_t) bool
 
     @classmethod
     def of(cls, batch: Batch, rows: torch.Tensor) -> "TopologyBatch":

@@ -23,29 +23,22 @@ from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topolo
 
 @dataclass(frozen=True)
 class BodyTemplate:
-    """Everything about the body and the training data that a network is built on, as arrays.
+    """Everything about the body and the training data that a network is built on, as arrays."""
 
-    Attributes:
-        edges: topology -> (E_l, 2) of each level.
-        parents: topology -> (n_l,) of each level but the last.
-        faces: topology -> (F, 3).
-        offset_mean, offset_std: (V, 3) metres.
-        base_mean, base_std: (V, 3) metres, of what offsets are added to.
-        body_mean, body_std: (V, 3) metres, of the rest body.
-        body_basis: (2 * 11, V, 3), see `drapeline.bodies.rest_body.rest_basis`.
-        cvar_mean, cvar_std: (C,).
-    """
-
-    edges: Mapping[str, list[np.ndarray]]
-    parents: Mapping[str, list[np.ndarray]]
-    faces: Mapping[str, np.ndarray]
+    edges: Mapping[str, list[np.ndarray]]  # topology -> (E_l, 2) of each level
+    parents: Mapping[str, list[np.ndarray]]  # topology -> (n_l,) of each level but the last
+    faces: Mapping[str, np.ndarray]  # topology -> (F, 3)
+    # offset_mean, offset_std: (V, 3) metres.
     offset_mean: np.ndarray
     offset_std: np.ndarray
+    # base_mean, base_std: (V, 3) metres, of what offsets are added to.
     base_mean: np.ndarray
     base_std: np.ndarray
+    # body_mean, body_std: (V, 3) metres, of the rest body.
     body_mean: np.ndarray
     body_std: np.ndarray
-    body_basis: np.ndarray
+    body_basis: np.ndarray  # (2 * 11, V, 3), see `drapeline.bodies.rest_body.rest_basis`
+    # cvar_mean, cvar_std: (C,).
     cvar_mean: np.ndarray
     cvar_std: np.ndarray
 
@@ -232,10 +225,7 @@ class DynamicGarments:
 
 
 def static_body_template(
-    data: StaticData,
-    topology: Topology,
-    hierarchy: Hierarchy,
-    bodies: Mapping[str, BodyModel],
+    data: StaticData, topology: Topology, hierarchy: Hierarchy, bodies: Mapping[str, BodyModel]
 ) -> BodyTemplate:
     """Statistics of the training rows; offsets are added to the rest body.
 

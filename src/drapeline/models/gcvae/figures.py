@@ -219,11 +219,7 @@ def wrinkle_rows(
 
 
 def _wrinkle_codes(
-    rng: np.random.Generator,
-    model: GarmentCodec,
-    garments: DynamicGarments,
-    name: str,
-    count: int,
+    rng: np.random.Generator, model: GarmentCodec, garments: DynamicGarments, name: str, count: int
 ) -> np.ndarray:
     """(count, Z) codes near those of training frames of a type, or of any if it has none.
 

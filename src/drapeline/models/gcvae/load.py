@@ -54,17 +54,11 @@ TRAINING_CODES, TOPOLOGY = "training_codes.npz", "topology.npz"
 
 
 class TrainingCodes(NamedTuple):
-    """The training garments of a model.
+    """The training garments of a model."""
 
-    Attributes:
-        codes: of n garments.
-        garment: (n,) their types, indices into `GARMENTS`.
-        mask_rate: (K, V) share of each type's garments that cover a vertex.
-    """
-
-    codes: Codes
-    garment: np.ndarray
-    mask_rate: np.ndarray
+    codes: Codes  # of n garments
+    garment: np.ndarray  # (n,) their types, indices into `GARMENTS`
+    mask_rate: np.ndarray  # (K, V) share of each type's garments that cover a vertex
 
 
 def save_static_files(

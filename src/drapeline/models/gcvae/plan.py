@@ -191,11 +191,7 @@ class _Tasks:
         size = self.files.static_size
         return Task(
             f"{_HERE}.evaluate:evaluate_baselines",
-            {
-                **self.files.super_bodies,
-                "topology": self.files.topology,
-                "data": self.files.static,
-            },
+            {**self.files.super_bodies, "topology": self.files.topology, "data": self.files.static},
             {
                 "splits": EVALUATED_SPLITS,
                 "components": self.settings["evaluation"]["pca_components"],
@@ -280,11 +276,7 @@ class _Tasks:
     def _fit_scans(self) -> Task:
         return Task(
             f"{_HERE}.evaluate:fit_codes_to_scans",
-            {
-                **self.files.bodies,
-                **self.files.known_scans,
-                "models": self._static_models(),
-            },
+            {**self.files.bodies, **self.files.known_scans, "models": self._static_models()},
             {"split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
             megabytes=2500,
@@ -371,9 +363,7 @@ class _Tasks:
                 {"frames": frames},
                 checks=[self.files.resting_in(*EVALUATED_SPLITS)],
                 picture=Shown(
-                    "gcvae_errors.png",
-                    "figure 7: reconstructions and their errors",
-                    "gcvae_errors",
+                    "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
             "plot_gcvae_wrinkles": self._plot(

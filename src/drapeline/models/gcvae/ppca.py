@@ -38,17 +38,11 @@ _GRAM_ROWS = 256  # of a symmetric product at once, of which half is left out
 
 
 class PpcaFit(NamedTuple):
-    """Parameters of y = regression(c) + basis z + noise, with z standard normal.
+    """Parameters of y = regression(c) + basis z + noise, with z standard normal."""
 
-    Attributes:
-        regression: (C + 1, V * channels) from conditions and a one.
-        basis: (Z, V * channels).
-        noise: () variance that the basis leaves unexplained.
-    """
-
-    regression: torch.Tensor
-    basis: torch.Tensor
-    noise: torch.Tensor
+    regression: torch.Tensor  # (C + 1, V * channels) from conditions and a one
+    basis: torch.Tensor  # (Z, V * channels)
+    noise: torch.Tensor  # () variance that the basis leaves unexplained
 
 
 def blur_mask(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch.Tensor:
@@ -225,32 +219,21 @@ class MirroredGarments(Garments, Protocol):
 
 @dataclass(frozen=True)
 class PpcaConstants:
-    """Constants of the fit.
+    """Constants of the fit."""
 
-    Attributes:
-        unit_m: unit of the offsets in a field.
-        blur_passes: that turn the mask into a ramp, whose width grows with their square root.
-        ramp_weight: of the mask's channel against offsets in `unit_m`.
-        rounds: of filling in what is missing.
-        ridge: penalty of the regression on the conditions, counted in samples.
-        noise: least variance that the posterior assumes of every number, in `unit_m` squared. It
-            is more than the fit leaves of the training rows: neighbouring vertices err alike, so
-            they are less evidence than their number, and new garments vary in ways that no
-            component has.
-        rows_max: the fit uses at most so many training rows.
-        vertices_max: the posterior looks at no more vertices, chosen at random.
-        steepness: of the mask's logit against its ramp.
-    """
-
-    unit_m: float = 0.02
+    unit_m: float = 0.02  # unit of the offsets in a field
+    # That turn the mask into a ramp, whose width grows with their square root.
     blur_passes: int = 10
-    ramp_weight: float = 0.7
-    rounds: int = 10
-    ridge: float = 20.0
+    ramp_weight: float = 0.7  # of the mask's channel against offsets in `unit_m`
+    rounds: int = 10  # of filling in what is missing
+    ridge: float = 20.0  # penalty of the regression on the conditions, counted in samples
+    # Least variance that the posterior assumes of every number, in `unit_m` squared. It is more
+    # than the fit leaves of the training rows: neighbouring vertices err alike, so they are less
+    # evidence than their number, and new garments vary in ways that no component has.
     noise: float = 0.1
-    rows_max: int = 2000
-    vertices_max: int = 3000
-    steepness: float = 6.0
+    rows_max: int = 2000  # the fit uses at most so many training rows
+    vertices_max: int = 3000  # the posterior looks at no more vertices, chosen at random
+    steepness: float = 6.0  # of the mask's logit against its ramp
 
 
 class GarmentPpca(GarmentCodec):

@@ -105,35 +105,23 @@ class VaeCode(RegisteredOffsets):
 
 @dataclass(frozen=True)
 class FitCode:
-    """Settings of a fit of codes to a registration.
+    """Settings of a fit of codes to a registration."""
 
-    Attributes:
-        steps: of Adam.
-        rate: its first learning rate, which falls to zero.
-        mask: weight of the mask's cross entropy beside offsets in units of their deviation.
-        prior: weight of the mean square of the code.
-        skinning: how garments follow the body.
-    """
-
-    steps: int = 40
-    rate: float = 0.1
+    steps: int = 40  # of Adam
+    rate: float = 0.1  # its first learning rate, which falls to zero
+    # Weight of the mask's cross entropy beside offsets in units of their deviation.
     mask: float = 0.5
-    prior: float = 0.01
+    prior: float = 0.01  # weight of the mean square of the code
+    # How garments follow the body.
     skinning: SkinningOptions = field(default_factory=SkinningOptions)
 
 
 class RegisteredPoints(NamedTuple):
-    """The points of a garment as a registration to the body.
+    """The points of a garment as a registration to the body."""
 
-    Attributes:
-        offsets: (V, 3) metres, to the garment's nearest point.
-        mask: (V,) whether the garment covers the vertex.
-        known: (V,) whether the scan tells.
-    """
-
-    offsets: np.ndarray
-    mask: np.ndarray
-    known: np.ndarray
+    offsets: np.ndarray  # (V, 3) metres, to the garment's nearest point
+    mask: np.ndarray  # (V,) whether the garment covers the vertex
+    known: np.ndarray  # (V,) whether the scan tells
 
 
 class CodeScanFitter:
@@ -146,10 +134,7 @@ class CodeScanFitter:
     """
 
     def __init__(
-        self,
-        models: Mapping[str, GarmentCodec],
-        bodies: Mapping[str, BodyModel],
-        settings: FitCode,
+        self, models: Mapping[str, GarmentCodec], bodies: Mapping[str, BodyModel], settings: FitCode
     ) -> None:
         self._models, self._bodies, self._settings = models, bodies, settings
 

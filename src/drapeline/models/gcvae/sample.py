@@ -46,22 +46,15 @@ _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not 
 
 @dataclass(frozen=True)
 class GarmentTypes:
-    """Statistics of the training garments of each of K types, in the order of `GARMENTS`.
+    """Statistics of the training garments of each of K types, in the order of `GARMENTS`."""
 
-    Attributes:
-        share: (K,) of the training garments, 0 for a type that none of them has.
-        mean: (K, Z) of the codes.
-        factor: (Z, Z) lower Cholesky factor of the codes' covariance within a type.
-        codes, garment: (n, Z) and (n,) of the training garments, indices into `GARMENTS`.
-        mask_rate: (K, V) share of the type's garments that cover a vertex.
-    """
-
-    share: np.ndarray
-    mean: np.ndarray
-    factor: np.ndarray
+    share: np.ndarray  # (K,) of the training garments, 0 for a type that none of them has
+    mean: np.ndarray  # (K, Z) of the codes
+    factor: np.ndarray  # (Z, Z) lower Cholesky factor of the codes' covariance within a type
+    # codes, garment: (n, Z) and (n,) of the training garments, indices into `GARMENTS`.
     codes: np.ndarray
     garment: np.ndarray
-    mask_rate: np.ndarray
+    mask_rate: np.ndarray  # (K, V) share of the type's garments that cover a vertex
 
     def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
         """Draw a code (Z,) near that of one of a type's garments; their mean is the type's.
@@ -136,17 +129,11 @@ _ONE_PIECE_SHARE_MIN, _DEEP_SHARE_MAX = 0.95, 0.01
 
 
 class DecodedGarment(NamedTuple):
-    """A decoded code.
+    """A decoded code."""
 
-    Attributes:
-        garment: its type, one of `GARMENTS`.
-        offsets: (V, 3) metres.
-        mask: (V,) bool.
-    """
-
-    garment: str
-    offsets: np.ndarray
-    mask: np.ndarray
+    garment: str  # its type, one of `GARMENTS`
+    offsets: np.ndarray  # (V, 3) metres
+    mask: np.ndarray  # (V,) bool
 
 
 def decode_by_type(
@@ -184,19 +171,12 @@ def decode_by_type(
 
 @dataclass(frozen=True)
 class Request:
-    """A garment that is asked for.
+    """A garment that is asked for."""
 
-    Attributes:
-        garment: one of `GARMENTS`, or "prior" for whatever a code from the prior turns out to be.
-        gender: "female" or "male".
-        shape: (10,) of the wearer.
-        tightness: (2,) without the gender's sign, which the conditions have.
-    """
-
-    garment: str
-    gender: str
-    shape: np.ndarray
-    tightness: np.ndarray
+    garment: str  # one of `GARMENTS`, or "prior" for whatever a code from the prior turns out to be
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,) of the wearer
+    tightness: np.ndarray  # (2,) without the gender's sign, which the conditions have
 
     @property
     def cvar(self) -> np.ndarray:
@@ -246,29 +226,17 @@ def draw_requests(
 
 @dataclass(frozen=True)
 class SampledGarment:
-    """A sampled garment.
+    """A sampled garment."""
 
-    Attributes:
-        name: of the sample.
-        request: what was asked for.
-        garment: its type.
-        z: (Z,) its code.
-        decoded: the garment as decoded.
-        piece: its largest connected piece.
-        mesh: the piece, evened out and pushed out of the body if that was asked for.
-        body: (V, 3) rest body that it was decoded on.
-        draws: number of codes drawn for it; this garment is of the last one.
-    """
-
-    name: str
-    request: Request
-    garment: str
-    z: np.ndarray
-    decoded: Mesh
-    piece: Mesh
-    mesh: Mesh
-    body: np.ndarray
-    draws: int
+    name: str  # of the sample
+    request: Request  # what was asked for
+    garment: str  # its type
+    z: np.ndarray  # (Z,) its code
+    decoded: Mesh  # the garment as decoded
+    piece: Mesh  # its largest connected piece
+    mesh: Mesh  # the piece, evened out and pushed out of the body if that was asked for
+    body: np.ndarray  # (V, 3) rest body that it was decoded on
+    draws: int  # number of codes drawn for it; this garment is of the last one
 
     @property
     def kept_share(self) -> float:
@@ -430,21 +398,13 @@ def save_samples(
 
 
 class SavedSample(NamedTuple):
-    """A sample as read from its files.
+    """A sample as read from its files."""
 
-    Attributes:
-        name: of the sample.
-        garment: its type.
-        asked: whether that type was asked for; if not, the code came from the prior.
-        mesh: the garment; without faces if nothing was decoded.
-        cvar: (13,) conditions.
-    """
-
-    name: str
-    garment: str
-    asked: bool
-    mesh: Mesh
-    cvar: np.ndarray
+    name: str  # of the sample
+    garment: str  # its type
+    asked: bool  # whether that type was asked for; if not, the code came from the prior
+    mesh: Mesh  # the garment; without faces if nothing was decoded
+    cvar: np.ndarray  # (13,) conditions
 
 
 _ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}

@@ -134,12 +134,7 @@ def train_conditioning(
         progress=progress,
         epochs=training.epochs,
         monitor="val_loss",
-        settings={
-            **settings.plain(),
-            "mean": mean.tolist(),
-            "std": std.tolist(),
-            "code": code,
-        },
+        settings={**settings.plain(), "mean": mean.tolist(), "std": std.tolist(), "code": code},
         trainer={"accelerator": "cpu", "devices": 1},
         threads=threads,
     )
@@ -258,10 +253,7 @@ def train_dvae(job: Job) -> None:
 
 
 def _train_vae(
-    job: Job,
-    model: GarmentVae,
-    garments: Garments,
-    complete: Callable[[Path], None] | None = None,
+    job: Job, model: GarmentVae, garments: Garments, complete: Callable[[Path], None] | None = None
 ) -> None:
     train_vae(
         job.output[0],
@@ -282,11 +274,7 @@ def fit_static_ppca(job: Job) -> None:
     garments, topology, template = _static_garments(job)
     model = StaticPpca(PpcaSettings(**job.params.settings), template)
     model.fit(garments)
-    save_fit(
-        job.output[0],
-        model,
-        lambda made: save_static_files(made, model, garments, topology),
-    )
+    save_fit(job.output[0], model, lambda made: save_static_files(made, model, garments, topology))
 
 
 def fit_dynamic_ppca(job: Job) -> None:

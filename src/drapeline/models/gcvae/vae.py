@@ -66,17 +66,11 @@ _FIRST_BATCH = 64
 
 @dataclass(frozen=True)
 class VaeBatch(TopologyBatch):
-    """The samples of a topology as the networks see them.
+    """The samples of a topology as the networks see them."""
 
-    Attributes:
-        base: (V, 3, B_t) metres, what the offsets are added to.
-        inputs: (V, C, B_t) normalised encoder input.
-        target: (V, 3, B_t) normalised offsets.
-    """
-
-    base: torch.Tensor
-    inputs: torch.Tensor
-    target: torch.Tensor
+    base: torch.Tensor  # (V, 3, B_t) metres, what the offsets are added to
+    inputs: torch.Tensor  # (V, C, B_t) normalised encoder input
+    target: torch.Tensor  # (V, 3, B_t) normalised offsets
 
 
 class GarmentVae(GarmentCodec, TrainableModule):

@@ -328,6 +328,5 @@ def _two_edges(faces: np.ndarray, vertices: int) -> sparse.csr_matrix:
     start = np.tile(faces[:, 0], 2)
     ones = np.ones(len(rows))
     return sparse.csr_matrix(
-        (np.r_[ones, -ones], (np.r_[rows, rows], np.r_[to, start])),
-        shape=(len(rows), vertices),
+        (np.r_[ones, -ones], (np.r_[rows, rows], np.r_[to, start])), shape=(len(rows), vertices)
     )

@@ -29,17 +29,11 @@ _MOMENTUM, _FLOOR = 0.02, 1e-4
 
 
 class PointLevel(NamedTuple):
-    """A point set per cloud, with features.
+    """A point set per cloud, with features."""
 
-    Attributes:
-        points: (B, n, 3) metres.
-        features: (B, n, C), zero where a point is not valid.
-        valid: (B, n) bool, false for padding.
-    """
-
-    points: torch.Tensor
-    features: torch.Tensor
-    valid: torch.Tensor
+    points: torch.Tensor  # (B, n, 3) metres
+    features: torch.Tensor  # (B, n, C), zero where a point is not valid
+    valid: torch.Tensor  # (B, n) bool, false for padding
 
 
 class Neighbourhoods(nn.Module):

@@ -57,17 +57,11 @@ class WeightNormLinear(torch.nn.Module):
 
 
 class Conditioned(NamedTuple):
-    """The part of the decoder that is computed once per garment.
+    """The part of the decoder that is computed once per garment."""
 
-    Attributes:
-        query_weight: (B or 1, H, 3) of the first query layer, for the point alone.
-        query_bias: (B or 1, H) with what the clusters add.
-        base: (B, H0) what style and cut add to the first joint layer.
-    """
-
-    query_weight: torch.Tensor
-    query_bias: torch.Tensor
-    base: torch.Tensor
+    query_weight: torch.Tensor  # (B or 1, H, 3) of the first query layer, for the point alone
+    query_bias: torch.Tensor  # (B or 1, H) with what the clusters add
+    base: torch.Tensor  # (B, H0) what style and cut add to the first joint layer
 
 
 class FieldDecoder(torch.nn.Module):
@@ -81,13 +75,7 @@ class FieldDecoder(torch.nn.Module):
     """
 
     def __init__(
-        self,
-        clusters: int,
-        cut: int,
-        style: int,
-        *,
-        width: float = 1.0,
-        rng: torch.Generator,
+        self, clusters: int, cut: int, style: int, *, width: float = 1.0, rng: torch.Generator
     ) -> None:
         super().__init__()
         style_1, style_2, query_1, query_2, *joint = (

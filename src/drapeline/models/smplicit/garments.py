@@ -52,14 +52,10 @@ def region_of(model: str) -> str:
 
 
 class Kind(NamedTuple):
-    """Garments that have a prototype (4.1).
+    """Garments that have a prototype (4.1)."""
 
-    Attributes:
-        garment: their type.
-        bounds: property -> lowest and highest value of those that belong to it.
-    """
-
-    garment: str
+    garment: str  # their type
+    # Property -> lowest and highest value of those that belong to it.
     bounds: Mapping[str, tuple[float, float]] = {}
 
 

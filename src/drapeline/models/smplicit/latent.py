@@ -17,17 +17,11 @@ _SIMILAR = 5  # garments that a new one may lie next to
 
 @dataclass(frozen=True)
 class CodeGaussian:
-    """A normal distribution of codes.
+    """A normal distribution of codes."""
 
-    Attributes:
-        mean: (Z,).
-        directions: (K, Z) orthonormal rows.
-        deviations: (K,) standard deviation along each; there is none across them.
-    """
-
-    mean: np.ndarray
-    directions: np.ndarray
-    deviations: np.ndarray
+    mean: np.ndarray  # (Z,)
+    directions: np.ndarray  # (K, Z) orthonormal rows
+    deviations: np.ndarray  # (K,) standard deviation along each; there is none across them
 
     @property
     def covariance(self) -> np.ndarray:

@@ -103,12 +103,7 @@ class SmplicitModel:
         return NetworkField(self.network, z, finite("shape", shape, SHAPES), gender)
 
     def decode(
-        self,
-        z: np.ndarray,
-        *,
-        gender: str,
-        shape: Sequence[float],
-        meshing: Meshing | None = None,
+        self, z: np.ndarray, *, gender: str, shape: Sequence[float], meshing: Meshing | None = None
     ) -> FieldGarment:
         """The garment of a code on a body; see `field` for arguments and errors."""
         field = self.field(z, gender=gender, shape=shape)
@@ -139,21 +134,13 @@ def finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.nda
 
 
 class GarmentCodes(NamedTuple):
-    """The training garments of a model.
+    """The training garments of a model."""
 
-    Attributes:
-        z: (n, cut + style) codes.
-        garment: (n,) types, indices into `GARMENTS`.
-        outfit: (n,) names of their outfits.
-        shape: (n, 10) of the wearers.
-        gender: (n,) of the wearers, "female" or "male".
-    """
-
-    z: np.ndarray
-    garment: np.ndarray
-    outfit: np.ndarray
-    shape: np.ndarray
-    gender: np.ndarray
+    z: np.ndarray  # (n, cut + style) codes
+    garment: np.ndarray  # (n,) types, indices into `GARMENTS`
+    outfit: np.ndarray  # (n,) names of their outfits
+    shape: np.ndarray  # (n, 10) of the wearers
+    gender: np.ndarray  # (n,) of the wearers, "female" or "male"
 
 
 def body_file(folder: str | Path, gender: str) -> Path:

@@ -16,19 +16,12 @@ from drapeline.storage import load_npz, save_npz
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Garments that a model has not seen, with their codes and surfaces.
+    """Garments that a model has not seen, with their codes and surfaces."""
 
-    Attributes:
-        outfit: (n,) names of their outfits.
-        garment: (n,) types, indices into `GARMENTS`.
-        z: (n, cut + style) fitted codes.
-        sheets: n open surfaces of the fitted fields.
-    """
-
-    outfit: np.ndarray
-    garment: np.ndarray
-    z: np.ndarray
-    sheets: list[Mesh]
+    outfit: np.ndarray  # (n,) names of their outfits
+    garment: np.ndarray  # (n,) types, indices into `GARMENTS`
+    z: np.ndarray  # (n, cut + style) fitted codes
+    sheets: list[Mesh]  # n open surfaces of the fitted fields
 
 
 # Of a model's evaluation.
@@ -41,13 +34,7 @@ def save_held_out(path: str | Path, held_out: HeldOut) -> None:
     for index, sheet in enumerate(held_out.sheets):
         arrays[f"{index}/vertices"] = sheet.vertices.astype(np.float32)
         arrays[f"{index}/faces"] = sheet.faces.astype(np.int32)
-    save_npz(
-        path,
-        z=held_out.z,
-        outfit=held_out.outfit,
-        garment=held_out.garment,
-        **arrays,
-    )
+    save_npz(path, z=held_out.z, outfit=held_out.outfit, garment=held_out.garment, **arrays)
 
 
 _ARRAYS = {

@@ -32,15 +32,11 @@ _CHECKPOINT, _PLAIN_WEIGHTS = "a checkpoint in safetensors", "a checkpoint of pl
 
 
 class Checkpoint(NamedTuple):
-    """A trained network as it is stored.
+    """A trained network as it is stored."""
 
-    Attributes:
-        weights: by name.
-        metadata: what the network's `checkpoint_metadata` returned: nested mappings and lists of
-            plain values and tensors, `checkpoint_type` among them.
-    """
-
-    weights: dict[str, torch.Tensor]
+    weights: dict[str, torch.Tensor]  # by name
+    # What the network's `checkpoint_metadata` returned: nested mappings and lists of plain values
+    # and tensors, `checkpoint_type` among them.
     metadata: dict[str, Any]
 
 

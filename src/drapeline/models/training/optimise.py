@@ -124,21 +124,13 @@ class CosineAdam:
 
 
 class Linearised(NamedTuple):
-    """Least squares of B fits, each with Z unknowns and P residuals, around where they are now.
+    """Least squares of B fits, each with Z unknowns and P residuals, around where they are now."""
 
-    Attributes:
-        residual: (B, P).
-        slopes: (B, P, Z) derivatives of the residuals.
-        weight: (B, P) of their squares.
-        prior: (B, Z) of the squares of the unknowns themselves.
-        loss: (B,) what has to become less, which the squares stand for.
-    """
-
-    residual: torch.Tensor
-    slopes: torch.Tensor
-    weight: torch.Tensor
-    prior: torch.Tensor
-    loss: torch.Tensor
+    residual: torch.Tensor  # (B, P)
+    slopes: torch.Tensor  # (B, P, Z) derivatives of the residuals
+    weight: torch.Tensor  # (B, P) of their squares
+    prior: torch.Tensor  # (B, Z) of the squares of the unknowns themselves
+    loss: torch.Tensor  # (B,) what has to become less, which the squares stand for
 
 
 def fit_least_squares(
@@ -183,14 +175,10 @@ class CodePrior(NamedTuple):
     """The spread of the codes of some garments: z = mean + factor w.
 
     Codes are not spread alike in all directions; w is, with a mean square of one.
-
-    Attributes:
-        mean: (Z,).
-        factor: (Z, Z) lower triangle.
     """
 
-    mean: torch.Tensor
-    factor: torch.Tensor
+    mean: torch.Tensor  # (Z,)
+    factor: torch.Tensor  # (Z, Z) lower triangle
 
     @classmethod
     def of(cls, codes: np.ndarray) -> "CodePrior":

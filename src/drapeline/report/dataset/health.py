@@ -11,8 +11,9 @@ from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.tables import STATUS
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FAINT, GREEN, SKY
-from drapeline.report.html import Cell, html_table, number, write_page
+from drapeline.report.html import Cell, number
 from drapeline.report.style import place_legend_above, saved_figure, show_message
+from drapeline.report.tables import Section, write_sections
 from drapeline.schema import Table, read_table
 
 ACCEPTED_SHARE_MIN = 0.9
@@ -201,18 +202,18 @@ def write_health_page(
         InputError: `status.tsv` is missing or lacks a column.
     """
     status = read_table(Path(dataset) / "status.tsv", STATUS)
-    write_page(
-        path,
-        "Health of the samples",
-        "<p>Goals and values reached: means over frames, garments and accepted samples; for"
-        " stretch, the 1st and 99th percentile of the edges, and for the gap, the 5th and 50th of"
-        " the vertices. Then every sample, with the reason if it was rejected. Values that miss the"
-        " goal are red.</p>",
-        "<h2>Goals</h2>",
-        html_table(_goal_rows(status, records)),
-        "<h2>Samples</h2>",
-        html_table(_sample_rows(status, {record.meta["id"]: record for record in records})),
+    about = (
+        "Goals and values reached: means over frames, garments and accepted samples; for stretch,"
+        " the 1st and 99th percentile of the edges, and for the gap, the 5th and 50th of the"
+        " vertices. Then every sample, with the reason if it was rejected. Values that miss the"
+        " goal are red."
     )
+    accepted = {record.meta["id"]: record for record in records}
+    sections = [
+        Section("Goals", _goal_rows(status, records)),
+        Section("Samples", _sample_rows(status, accepted)),
+    ]
+    write_sections(path, "Health of the samples", [about], sections)
 
 
 def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str, str]]:

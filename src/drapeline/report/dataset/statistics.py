@@ -17,8 +17,9 @@ from drapeline.dataset.statistics import NO_ACTION
 from drapeline.dataset.tables import ACTIONS, OVERVIEW, SAMPLES
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FABRIC_COLOURS, GENDER_COLOURS, QUIET, SERIES
-from drapeline.report.html import Cell, html_table, number, write_page
+from drapeline.report.html import Cell, number
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
+from drapeline.report.tables import Section, write_sections
 from drapeline.schema import read_table
 
 _NOTHING = "No sample was accepted"
@@ -183,21 +184,21 @@ def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
     dataset = Path(dataset)
     overview = read_table(dataset / "statistics_overview.tsv", OVERVIEW)
     actions = read_table(dataset / "statistics_actions.tsv", ACTIONS)
-    write_page(
-        path,
-        "Tables 1 and 2 of CLOTH3D, for this dataset",
-        "<p>Shaded columns hold the numbers that the paper prints for its own dataset. They say how"
+    about = (
+        "Shaded columns hold the numbers that the paper prints for its own dataset. They say how"
         " large and varied the original is; they are not a target, and nothing here was computed"
-        " from its data.</p>",
-        "<h2>Table 1: what the dataset holds</h2>",
-        html_table(_table_1(overview.set_index("measure"))),
-        "<h2>More of this dataset, by split</h2>",
-        html_table(_by_split(overview)),
-        "<h2>Table 2: share of the frames per action label</h2>",
-        "<p>Labels follow the paper's where the motion is the same; a dash means that the dataset"
-        " has no such label.</p>",
-        html_table(_table_2(actions)),
+        " from its data."
     )
+    labels = (
+        "Labels follow the paper's where the motion is the same; a dash means that the dataset has"
+        " no such label."
+    )
+    sections = [
+        Section("Table 1: what the dataset holds", _table_1(overview.set_index("measure"))),
+        Section("More of this dataset, by split", _by_split(overview)),
+        Section("Table 2: share of the frames per action label", _table_2(actions), labels),
+    ]
+    write_sections(path, "Tables 1 and 2 of CLOTH3D, for this dataset", [about], sections)
 
 
 def _table_1(measures: pd.DataFrame) -> list[dict[str, str]]:

@@ -116,7 +116,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
             ),
             Section(
                 "The paper's own figures",
-                lambda _: _printed_scans(),
+                _printed_scans(),
                 "Table 2 of SMPLicit: distances within the segmented garments of real scans of the"
                 " Sizer dataset in mm. Those scans cannot be had here; the figures cannot be"
                 " compared with those above.",

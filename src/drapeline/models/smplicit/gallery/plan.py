@@ -76,37 +76,23 @@ class Shown:
 
 
 class CodeSpace(NamedTuple):
-    """The training garments' codes, and what they say about properties.
+    """The training garments' codes, and what they say about properties."""
 
-    Attributes:
-        cut: principal axes of z_cut; the property that an axis changes most rises along it.
-        values: property -> (N,) of the training garments.
-        openings: type -> how many openings most of them have.
-        correlation: (K, P) of axes with properties.
-        explained: (P,) share of each property's variance that a code predicts.
-        prototypes: kind -> (Z,) code, or the mean garment's if there is none.
-        edits: of the properties that codes tell of; None if there is none.
-    """
-
+    # Principal axes of z_cut; the property that an axis changes most rises along it.
     cut: CodeGaussian
-    values: dict[str, np.ndarray]
-    openings: dict[str, int]
-    correlation: np.ndarray
-    explained: np.ndarray
-    prototypes: dict[str, np.ndarray]
-    edits: PropertyEdits | None
+    values: dict[str, np.ndarray]  # property -> (N,) of the training garments
+    openings: dict[str, int]  # type -> how many openings most of them have
+    correlation: np.ndarray  # (K, P) of axes with properties
+    explained: np.ndarray  # (P,) share of each property's variance that a code predicts
+    prototypes: dict[str, np.ndarray]  # kind -> (Z,) code, or the mean garment's if there is none
+    edits: PropertyEdits | None  # of the properties that codes tell of; None if there is none
 
 
 class TrainingMeasures(NamedTuple):
-    """Measures of the garments that a model was trained on.
+    """Measures of the garments that a model was trained on."""
 
-    Attributes:
-        values: property -> (N,).
-        openings: (N,) number of their openings.
-    """
-
-    values: dict[str, np.ndarray]
-    openings: np.ndarray
+    values: dict[str, np.ndarray]  # property -> (N,)
+    openings: np.ndarray  # (N,) number of their openings
 
 
 def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> TrainingMeasures:
@@ -188,12 +174,7 @@ def _most_frequent(numbers: np.ndarray) -> int:
 
 
 def plan_gallery(
-    codes: GarmentCodes,
-    space: CodeSpace,
-    bodies: Mapping[str, BodyModel],
-    *,
-    seed: int,
-    count: int,
+    codes: GarmentCodes, space: CodeSpace, bodies: Mapping[str, BodyModel], *, seed: int, count: int
 ) -> list[Shown]:
     """Everything that the gallery of a model shows.
 

@@ -70,23 +70,14 @@ Outfit = dict[str, FittedGarment]
 
 @dataclass(frozen=True)
 class KnownPicture:
-    """A picture of a simulated sample.
+    """A picture of a simulated sample."""
 
-    Attributes:
-        picture: of one person.
-        sample: its name.
-        source: cloth solver that moved the garments.
-        body: at rest and posed.
-        true: class -> simulated garment, in the world of the camera.
-        garments: class -> garment type.
-    """
-
-    picture: Picture
-    sample: str
-    source: str
-    body: PosedBody
-    true: dict[str, Mesh]
-    garments: dict[str, str]
+    picture: Picture  # of one person
+    sample: str  # its name
+    source: str  # cloth solver that moved the garments
+    body: PosedBody  # at rest and posed
+    true: dict[str, Mesh]  # class -> simulated garment, in the world of the camera
+    garments: dict[str, str]  # class -> garment type
 
     @property
     def person(self) -> Person:

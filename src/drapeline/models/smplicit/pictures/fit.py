@@ -83,17 +83,12 @@ def hidden_by_body(points: np.ndarray, body: PosedBody, camera: Camera) -> np.nd
 
 @dataclass(frozen=True)
 class RayPoints:
-    """Points by the rays that they are on; a ray is a small square of pixels.
+    """Points by the rays that they are on; a ray is a small square of pixels."""
 
-    Attributes:
-        points: (P, 3) float32 at rest, ray by ray.
-        first: (R + 1,) the first point of each ray, and P.
-        clearance_m: (P,) float32, distance of the points' pixels from the nearest one of the
-            garment, at the depth of the points: what is seen of the garment is no closer to them.
-    """
-
-    points: np.ndarray
-    first: np.ndarray
+    points: np.ndarray  # (P, 3) float32 at rest, ray by ray
+    first: np.ndarray  # (R + 1,) the first point of each ray, and P
+    # (P,) float32, distance of the points' pixels from the nearest one of the garment, at the depth
+    # of the points: what is seen of the garment is no closer to them.
     clearance_m: np.ndarray
 
     def __len__(self) -> int:
@@ -108,15 +103,10 @@ class RayPoints:
 
 
 class SeenPoints(NamedTuple):
-    """Points that a picture tells something about, all of them in sight.
+    """Points that a picture tells something about, all of them in sight."""
 
-    Attributes:
-        on: whose pixels show the garment.
-        off: whose pixels show something else.
-    """
-
-    on: RayPoints
-    off: RayPoints
+    on: RayPoints  # whose pixels show the garment
+    off: RayPoints  # whose pixels show something else
 
 
 def seen_points(
@@ -174,18 +164,12 @@ def skinning_options(settings: FitImage) -> SkinningOptions:
 
 
 class Evidence(NamedTuple):
-    """Rays and points that count in a step.
+    """Rays and points that count in a step."""
 
-    Attributes:
-        on: (B, R, S, 3) points on rays of the garment.
-        off: (B, Q, T, 3) points on rays off it.
-        least: (B, Q, T) least distances there, in units of d_max.
-        weight: (B, Q) of the rays off the garment: how many these stand for, per ray of it.
-    """
-
-    on: torch.Tensor
-    off: torch.Tensor
-    least: torch.Tensor
+    on: torch.Tensor  # (B, R, S, 3) points on rays of the garment
+    off: torch.Tensor  # (B, Q, T, 3) points on rays off it
+    least: torch.Tensor  # (B, Q, T) least distances there, in units of d_max
+    # (B, Q) of the rays off the garment: how many these stand for, per ray of it.
     weight: torch.Tensor
 
 

@@ -36,35 +36,22 @@ _REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": REACH_M, "whole": REACH_M}
 
 
 class GarmentView(NamedTuple):
-    """A garment as a picture shows it.
+    """A garment as a picture shows it."""
 
-    Attributes:
-        shown: (H, W) bool, where it is seen.
-        unsure: (H, W) bool, pixels that tell nothing about it.
-        camera: of the picture.
-        body: the wearer, at rest and posed.
-    """
-
-    shown: np.ndarray
-    unsure: np.ndarray
-    camera: Camera
-    body: PosedBody
+    shown: np.ndarray  # (H, W) bool, where it is seen
+    unsure: np.ndarray  # (H, W) bool, pixels that tell nothing about it
+    camera: Camera  # of the picture
+    body: PosedBody  # the wearer, at rest and posed
 
 
 class Observation(NamedTuple):
-    """A garment that is looked for in a picture.
+    """A garment that is looked for in a picture."""
 
-    Attributes:
-        model: of the garment.
-        codes: (n, cut + style) of the training garments that starts and the prior are taken from.
-        view: of it.
-        name: for errors, and for the seeds of its points.
-    """
-
-    model: SmplicitModel
+    model: SmplicitModel  # of the garment
+    # (n, cut + style) of the training garments that starts and the prior are taken from.
     codes: np.ndarray
-    view: GarmentView
-    name: str
+    view: GarmentView  # of it
+    name: str  # for errors, and for the seeds of its points
 
 
 def observe_points(

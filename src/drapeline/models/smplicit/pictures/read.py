@@ -45,15 +45,10 @@ _CROP_PX = 224  # of the crops that most body estimators look at
 
 
 class GarmentClass(NamedTuple):
-    """A class of garments that segmentations tell apart.
+    """A class of garments that segmentations tell apart."""
 
-    Attributes:
-        model: of `FIELD_MODELS`.
-        garment: the type that stands for it in colours and file names.
-    """
-
-    model: str
-    garment: str
+    model: str  # of `FIELD_MODELS`
+    garment: str  # the type that stands for it in colours and file names
 
 
 # From the innermost to the outermost: what is worn over a garment hides it.
@@ -137,19 +132,12 @@ class Person:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of dressed people.
+    """A picture of dressed people."""
 
-    Attributes:
-        name: of its file.
-        classes: (H, W) uint8 indices into `CLASSES`.
-        photo: (H, W, 3) uint8, or None.
-        people: in it.
-    """
-
-    name: str
-    classes: np.ndarray
-    photo: np.ndarray | None
-    people: tuple[Person, ...]
+    name: str  # of its file
+    classes: np.ndarray  # (H, W) uint8 indices into `CLASSES`
+    photo: np.ndarray | None  # (H, W, 3) uint8, or None
+    people: tuple[Person, ...]  # in it
 
     def shows(self, person: Person, garment: str) -> np.ndarray:
         """(H, W) bool, where a person's garment is seen."""

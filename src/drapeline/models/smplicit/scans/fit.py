@@ -49,45 +49,27 @@ _DAMPING = 0.1
 
 
 class FittedScan(NamedTuple):
-    """Codes and body found in a scan.
+    """Codes and body found in a scan."""
 
-    Attributes:
-        codes: garment -> (Z,).
-        body: that wears them.
-    """
-
-    codes: dict[str, np.ndarray]
-    body: BodyState
+    codes: dict[str, np.ndarray]  # garment -> (Z,)
+    body: BodyState  # that wears them
 
 
 class ScanFits(NamedTuple):
-    """Codes and bodies found in a scan, step by step.
+    """Codes and bodies found in a scan, step by step."""
 
-    Attributes:
-        nearest: the training codes that fit best.
-        code: fitted codes, on the same body.
-        joint: codes and body, fitted jointly.
-    """
-
-    nearest: FittedScan
-    code: FittedScan
-    joint: FittedScan
+    nearest: FittedScan  # the training codes that fit best
+    code: FittedScan  # fitted codes, on the same body
+    joint: FittedScan  # codes and body, fitted jointly
 
 
 class FieldResiduals(NamedTuple):
-    """A field at a scan's points.
+    """A field at a scan's points."""
 
-    Attributes:
-        residual: (P,) differences of distances, in units of d_max.
-        by_place: (P, 3) derivatives by the points at rest, per metre.
-        by_shape: (P, 10) derivatives by the wearer's shape, at fixed points.
-        by_code: (P, Z) derivatives by w.
-    """
-
-    residual: np.ndarray
-    by_place: np.ndarray
-    by_shape: np.ndarray
-    by_code: np.ndarray
+    residual: np.ndarray  # (P,) differences of distances, in units of d_max
+    by_place: np.ndarray  # (P, 3) derivatives by the points at rest, per metre
+    by_shape: np.ndarray  # (P, 10) derivatives by the wearer's shape, at fixed points
+    by_code: np.ndarray  # (P, Z) derivatives by w
 
 
 class GarmentTerms:

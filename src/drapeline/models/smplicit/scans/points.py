@@ -20,17 +20,11 @@ _LEAST = 50  # points of a garment
 
 
 class FieldPoints(NamedTuple):
-    """Points in the scan's world with distances that a garment's field has there.
+    """Points in the scan's world with distances that a garment's field has there."""
 
-    Attributes:
-        places: (P, 3) metres.
-        distance_m: (P,) from the garment.
-        weight: (P,) how much each counts.
-    """
-
-    places: np.ndarray
-    distance_m: np.ndarray
-    weight: np.ndarray
+    places: np.ndarray  # (P, 3) metres
+    distance_m: np.ndarray  # (P,) from the garment
+    weight: np.ndarray  # (P,) how much each counts
 
 
 def field_points(

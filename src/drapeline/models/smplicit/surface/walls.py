@@ -25,16 +25,12 @@ _FIRST_SPACING = 1.6  # of the points at which cloth is looked for, in clipped d
 
 @dataclass(frozen=True)
 class Grid:
-    """Points with the same spacing along each axis, the first of them at `low`.
+    """Points with the same spacing along each axis, the first of them at `low`."""
 
-    Attributes:
-        low, high: (3,) corners in metres; the last points lie on `high`, or up to a cell beyond it.
-        cell_m: spacing.
-    """
-
+    # low, high: (3,) corners in metres; the last points lie on `high`, or up to a cell beyond it.
     low: np.ndarray
     high: np.ndarray
-    cell_m: float
+    cell_m: float  # spacing
 
     @cached_property
     def cells(self) -> tuple[int, int, int]:

@@ -183,7 +183,7 @@ _SECTIONS = (
     Section("Ablations and inputs: M3 (m/s²)", _by_type(_ABLATIONS, ["acceleration_error_m_s2"])),
     Section(
         f"Figure 6 as {PAPER} prints it: error added by leaving a part out",
-        lambda _: [
+        [
             {
                 f"{PAPER} (other data)": title,
                 "Vertex error (mm)": number(vertex, "theirs"),
@@ -244,7 +244,7 @@ def write_garment4d_page(
     errors = [read_table(table, ERRORS) for table in registration]
     registered = Section(
         "Registration to the templates",
-        lambda _: _registration(errors),
+        _registration(errors),
         "Mean distances between a garment and its copy in the template's topology. The goal is"
         f" below {REGISTRATION_TARGET_MM:g} mm, with no face flipped.",
     )

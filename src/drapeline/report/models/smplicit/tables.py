@@ -1,6 +1,5 @@
 """Pages of SMPLicit: how well it holds garments, and what its codes say about them."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -11,9 +10,9 @@ import numpy as np
 from drapeline.job import Job
 from drapeline.metrics.registry import variants
 from drapeline.metrics.smplicit import MODEL
-from drapeline.report.html import Cell, html_table, number, write_page
+from drapeline.report.html import Cell, number
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
-from drapeline.storage import atomic_file, read_rows
+from drapeline.storage import read_rows, write_rows
 
 _PICTURED = tuple(name for name in variants(MODEL) if name.startswith(f"{MODEL}_images_"))
 _HELD = tuple(name for name in variants(MODEL) if name not in _PICTURED)
@@ -109,49 +108,22 @@ def read_gallery_tables(folder: str | Path) -> GalleryTables:
 def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
     """Write the correlations of all models to a single table."""
     rows = [row for tables in galleries.values() for row in tables.correlations]
-    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(path, rows)
 
 
 def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
     """Write the page of the tables of each model's gallery."""
-    rows = {
-        name: [row for model, tables in galleries.items() for row in make(model, tables)]
-        for name, make in (
-            ("axes", _axes),
-            ("told", _told),
-            ("edits", _edits),
-            ("samples", _samples),
-        )
-    }
-    write_page(
+    write_sections(
         path,
         "SMPLicit: what codes say about garments",
-        "<p>Properties are measured on the meshes of training garments, as shares of their"
-        " wearers' limbs.</p>",
-        "<h2>Principal axes of z_cut and their correlations with properties</h2>",
-        html_table(rows["axes"]),
-        "<p>Pearson's correlation over training garments. An axis points to where the property"
-        " that it correlates with most increases.</p>",
-        "<h2>What a whole code tells of a property</h2>",
-        html_table(rows["told"]),
-        "<p>The explained share is that of linear regressions, each of which predicts a garment"
-        " that it was not fitted to; below zero it is worse than the mean. Properties of which less"
-        " than half is explained cannot be edited.</p>",
-        "<h2>Edits: what was asked for, and what was measured on the mesh</h2>",
-        html_table(rows["edits"]),
-        "<p>Five garments for each property, from the 5th to the 95th percentile of training"
-        " garments, all from the mean code of one type. Deviations are those of training garments;"
-        " the last column is the mean standard deviation of the other properties over the five,"
-        " which an edit should keep.</p>",
-        "<h2>Samples</h2>",
-        html_table(rows["samples"]),
-        "<p>A sample is like the training garments if it has as many openings as most of its type"
-        " have, and all its properties lie between theirs, or up to a tenth of the span beyond."
-        " Its type is that of the training garment with the nearest code. Ragged edges and torn"
-        " necklines go unnoticed.</p>",
+        [
+            "Properties are measured on the meshes of training garments, as shares of their"
+            " wearers' limbs."
+        ],
+        [
+            Section(title, [row for part in galleries.items() for row in rows(*part)], below=below)
+            for title, rows, below in _GALLERY
+        ],
     )
 
 
@@ -223,6 +195,40 @@ def _samples(model: str, tables: GalleryTables) -> list[dict[str, object]]:
         for title in dict.fromkeys(row["row"] for row in samples)
         if (rows := [row for row in samples if row["row"] == title])
     ]
+
+
+# Title of a section, what makes its rows, and the paragraph below.
+_GALLERY = (
+    (
+        "Principal axes of z_cut and their correlations with properties",
+        _axes,
+        "Pearson's correlation over training garments. An axis points to where the property that it"
+        " correlates with most increases.",
+    ),
+    (
+        "What a whole code tells of a property",
+        _told,
+        "The explained share is that of linear regressions, each of which predicts a garment that"
+        " it was not fitted to; below zero it is worse than the mean. Properties of which less than"
+        " half is explained cannot be edited.",
+    ),
+    (
+        "Edits: what was asked for, and what was measured on the mesh",
+        _edits,
+        "Five garments for each property, from the 5th to the 95th percentile of training garments,"
+        " all from the mean code of one type. Deviations are those of training garments; the last"
+        " column is the mean standard deviation of the other properties over the five, which an"
+        " edit should keep.",
+    ),
+    (
+        "Samples",
+        _samples,
+        "A sample is like the training garments if it has as many openings as most of its type"
+        " have, and all its properties lie between theirs, or up to a tenth of the span beyond. Its"
+        " type is that of the training garment with the nearest code. Ragged edges and torn"
+        " necklines go unnoticed.",
+    ),
+)
 
 
 def _value(text: str) -> float:
