@@ -61,25 +61,28 @@ def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
     assert "make_outfit\t1\t3.5" in output["table"].read_text()
 
 
-def test_write_overview_shows_stills_numbers_and_samples(run_rule, dataset, tmp_path):
+def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path):
     still = tmp_path / "gallery" / "00001.png"
     still.parent.mkdir()
     Image.new("RGB", (48, 64), "grey").save(still)
+    run_rule(
+        "write_overview",
+        input={"dataset": dataset, "pictures": [still.parent]},
+        output=[tmp_path / "overview.html"],
+    )
+    assert "<strong>00001</strong>" in (tmp_path / "overview.html").read_text()
+
+
+def test_write_errors_shows_numbers(run_rule, tmp_path):
     registration, metrics = tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
     errors = {"source": "static", "garment": "Skirt", "metric": "garment_to_rebuilt_mean_mm"}
     errors |= {"garments": 4, "mean": 0.5, "median": 0.5, "max": 0.5, "total": 2.0, "unit": "mm"}
     write_table(registration, make_table(SUMMARY, [errors]), SUMMARY)
     collect_metrics(metrics, [])
     run_rule(
-        "write_overview",
-        input={
-            "dataset": dataset,
-            "pictures": [still.parent],
-            "registration": registration,
-            "metrics": metrics,
-        },
-        output=[tmp_path / "overview.html"],
+        "write_errors",
+        input={"registration": registration, "metrics": metrics},
+        output=[tmp_path / "errors.html"],
     )
-    text = (tmp_path / "overview.html").read_text()
-    assert "<strong>00001</strong>" in text
+    text = (tmp_path / "errors.html").read_text()
     assert "<strong>0.50 mm</strong>mean of 4 garments" in text

@@ -205,20 +205,21 @@ rule write_overview:
     input:
         dataset=f"{RESULTS}/dataset",
         pictures=GALLERY_PICTURES,
-        registration=f"{RESULTS}/report/registration.tsv",
-        metrics=f"{RESULTS}/metrics.tsv",
     output:
         # The front page, workflow.rst, shows what this page holds.
         report(
             f"{RESULTS}/report/overview.html",
             caption="../report/overview.rst",
             category="Dataset",
-            labels={"shows": "overview: numbers and all samples"},
+            labels={"shows": "overview: all samples"},
         ),
     log:
         f"{LOGS}/write_overview.log",
     benchmark:
         f"{BENCHMARKS}/write_overview.tsv"
+    message:
+        f"All samples are there to be looked at: {RESULTS}/gallery, and in a moment {{output}}."
+    priority: PICTURES_FIRST
     conda:
         "../../envs/report.yaml"
     threads: 1
@@ -231,8 +232,37 @@ rule write_overview:
         "../../scripts/write_overview.py"
 
 
+rule write_errors:
+    input:
+        registration=f"{RESULTS}/report/registration.tsv",
+        metrics=f"{RESULTS}/metrics.tsv",
+    output:
+        # As above.
+        report(
+            f"{RESULTS}/report/errors.html",
+            caption="../report/errors.rst",
+            category="Models",
+            labels={"shows": "errors of all models beside baselines"},
+        ),
+    log:
+        f"{LOGS}/write_errors.log",
+    benchmark:
+        f"{BENCHMARKS}/write_errors.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("write_errors"),
+    script:
+        "../../scripts/write_errors.py"
+
+
 DEFAULT_TARGETS += [
     *rules.write_overview.output,
+    *rules.write_errors.output,
     *rules.plot_statistics.output,
     *rules.tabulate_dataset.output,
     *rules.plot_health.output,
