@@ -51,14 +51,15 @@ def test_tables_and_viewer_are_pages(run_rule, dataset, tmp_path):
 def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
     benchmark = tmp_path / "benchmarks" / "make_outfit" / "00001.tsv"
     benchmark.parent.mkdir(parents=True)
-    benchmark.write_text("s\tmax_rss\tcpu_time\n3.5\t200\t3\n")
+    benchmark.write_text("s\tmax_rss\tmean_load\tcpu_time\n3.5\t200\t80\t3\n")
     output = {
         "figure": tmp_path / "f.svg",
         "page": tmp_path / "p.html",
         "table": tmp_path / "t.tsv",
     }
-    run_rule("plot_time", output=output, params={"folders": [tmp_path / "benchmarks"]})
-    assert "make_outfit\t1\t3.5" in output["table"].read_text()
+    params = {"folders": [tmp_path / "benchmarks"], "stages": {"make_outfit/": "outfits"}}
+    run_rule("plot_time", output=output, params=params)
+    assert "outfits\tmake_outfit\t1\t3.5" in output["table"].read_text()
 
 
 def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path):

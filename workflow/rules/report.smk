@@ -217,8 +217,6 @@ rule write_overview:
         f"{LOGS}/write_overview.log",
     benchmark:
         f"{BENCHMARKS}/write_overview.tsv"
-    message:
-        f"All samples are there to be looked at: {RESULTS}/gallery, and in a moment {{output}}."
     priority: PICTURES_FIRST
     conda:
         "../../envs/report.yaml"
@@ -228,6 +226,8 @@ rule write_overview:
         runtime=10,
     params:
         code=source_hash("write_overview"),
+    message:
+        f"All samples are there to be looked at: {RESULTS}/gallery, and in a moment {{output}}."
     script:
         "../../scripts/write_overview.py"
 
@@ -270,6 +270,31 @@ DEFAULT_TARGETS += [
 ]
 
 
+# Stages in the tables of times: the files that rules stand in, up to an underscore, put together.
+STAGES = {
+    **dict.fromkeys(["bodies", "outfits"], "bodies, motion, outfits"),
+    **dict.fromkeys(
+        ["dataset", "renders", "report", "evaluation"], "dataset, pictures, report"
+    ),
+    **dict.fromkeys(["registration", "learning"], "registration, data for learning"),
+    "gcvae": "garment VAEs",
+    "garment4d": "Garment4D",
+    "smplicit": "SMPLicit",
+}
+
+
+def stages_of_jobs():
+    """What the names of benchmark files begin with, and the stage of the jobs they are of."""
+    stages = {}
+    for rule in workflow.rules:
+        name = Path(rule.snakefile).stem.split("_")[0]
+        stages[f"{rule.name}/"] = STAGES.get(name, name)
+        if name == "simulation":
+            for group in MOVING:
+                stages[f"{rule.name}/{group.name}_"] = f"simulation, {group.solver}"
+    return stages
+
+
 rule plot_time:
     # Comes after all the rest, for what it reads are the benchmark files of the other rules.
     input:
@@ -301,6 +326,7 @@ rule plot_time:
     params:
         # The bodies' own benchmark is not this experiment's: all experiments share the bodies.
         folders=[BENCHMARKS, "benchmarks"],
+        stages=stages_of_jobs(),
         code=source_hash("plot_time"),
     script:
         "../../scripts/plot_time.py"
