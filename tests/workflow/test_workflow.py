@@ -7,7 +7,10 @@ import yaml
 
 from toys.snakemake_run import snakemake
 
-CONFIGS = ["tests/data/tiny.yaml", "config.yaml", "workflow/config/paper.yaml"]
+CONFIGS = [
+    *("tests/data/tiny.yaml", "config.yaml"),
+    *("workflow/config/reference.yaml", "workflow/config/paper.yaml"),
+]
 
 
 def with_settings(tmp_path, **settings):
@@ -110,11 +113,11 @@ def test_a_table_of_ones_own_means_all_its_rows(project, tmp_path):
 
 def test_configs_are_laid_over_one_another_only_where_the_user_names_them(project, tmp_path):
     config = with_settings(tmp_path, groups={"dataset": {"count": 20}})[-1]
-    for configs, clips in (([config], 15), (["config.yaml", config], 8)):
+    for configs, clips, samples in (([config], 15, 20), (["config.yaml", config], 8, 30)):
         run = snakemake(project, "dataset", "--dry-run", "--configfile", *configs)
         assert run.returncode == 0, run.stderr
         assert re.search(rf"^import_motion +{clips}$", run.stdout + run.stderr, re.MULTILINE)
-        assert re.search(r"^simulate_outfits +20$", run.stdout + run.stderr, re.MULTILINE)
+        assert re.search(rf"^simulate_outfits +{samples}$", run.stdout + run.stderr, re.MULTILINE)
 
 
 def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_path):

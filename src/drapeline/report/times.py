@@ -27,6 +27,7 @@ JOBS = Schema(
         "rule": Column(),
         "s": Column(float),
         "cpu_s": Column(float),
+        "ended_s": Column(float),
         "memory_mb": Column(float, optional=True),
     },
 )
@@ -59,7 +60,8 @@ def job_times(folders: Iterable[str | Path], stages: Mapping[str, str]) -> Table
             longest beginning counts, and jobs without one are a stage called like their rule.
 
     Returns:
-        Wall-clock and processor time in seconds and the largest resident memory in megabytes.
+        Wall-clock and processor time in seconds, when the file was written in seconds since 1970,
+        and the largest resident memory in megabytes.
 
     Raises:
         InputError: a file lacks a column, or a value is not a number.
@@ -76,6 +78,7 @@ def job_times(folders: Iterable[str | Path], stages: Mapping[str, str]) -> Table
                     "rule": rule,
                     "s": row.s,
                     "cpu_s": np.fmax(row.cpu_time, row.s * row.mean_load / 100),
+                    "ended_s": path.stat().st_mtime,
                     "memory_mb": row.max_rss,
                 }
                 for row in read_table(path, BENCHMARK).itertuples()
