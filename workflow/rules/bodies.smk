@@ -11,7 +11,7 @@ rule copy_body:
         "logs/copy_body.log",
     benchmark:
         "benchmarks/copy_body.tsv"
-    priority: PUBLISHED_FIRST
+    priority: PICTURES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1

@@ -16,7 +16,7 @@ rule build_templates:
         f"{LOGS}/build_templates/{{gender}}.log",
     benchmark:
         f"{BENCHMARKS}/build_templates/{{gender}}.tsv"
-    priority: PUBLISHED_FIRST
+    priority: PICTURES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
