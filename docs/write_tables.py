@@ -1,9 +1,10 @@
-"""Write the tables of docs/reference/results.md from one finished experiment.
+"""Write the tables of the documentation from one finished experiment, and what a run of it takes.
 
     .venv/bin/python docs/write_tables.py RESULTS
 
-Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->` there.
-RESULTS is the folder of results within the checkout that made them.
+Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and within lines
+between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages. RESULTS is the folder of results
+within the checkout that made them.
 """
 
 import argparse
@@ -15,10 +16,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from drapeline.dataset.card import markdown_table
-from drapeline.dataset.record import SampleRecord, read_record
+from drapeline.dataset.record import SampleRecord, read_record, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.properties import CLASSES, COMMON
@@ -28,12 +28,14 @@ from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.registration_table import SUMMARY
 from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
-from drapeline.report.times import job_times
+from drapeline.report.times import ALL as ALL_RULES
+from drapeline.report.times import TIMES, job_times
 from drapeline.schema import read_table
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/reference/results.md"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
 STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
 DYNAMIC = (
     *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4"),
@@ -42,17 +44,6 @@ DYNAMIC = (
 POSED = ("lbs", "untrained", "mgn", "posed", "ours")
 HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")
 SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
-# Stage -> the files whose rules belong to it.
-STAGES = {
-    "bodies, motion, outfits": ("bodies", "outfits"),
-    "cloth simulation": ("simulation",),
-    "dataset, pictures, report": ("dataset", "renders", "report", "evaluation"),
-    "registration and data for learning": ("registration", "learning_data"),
-    "garment VAEs": ("gcvae", "gcvae_figures"),
-    "Garment4D": ("garment4d", "garment4d_figures"),
-    "SMPLicit": ("smplicit", "smplicit_figures", "smplicit_images", "smplicit_scans"),
-    "scans": ("scans",),
-}
 
 by_type = partial(MetricTable, across="garment", count="")
 METRIC_TABLES = {
@@ -121,16 +112,28 @@ class Results:
     Attributes:
         folder: of the experiment.
         metrics: rows of its `metrics.tsv`, of the test split.
-        records: its accepted samples.
-        learning: those of its learning group, rejected ones too.
+        records: its samples in motion by group, rejected ones too.
+        times: of its stages and rules.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.metrics = read_test_metrics(folder / "metrics.tsv")
-        records = _records(folder, "dataset")
-        self.records: list[SampleRecord] = [record for record in records if record.accepted]
-        self.learning = _records(folder, "learning")
+        self.records = {
+            group.name: list(map(read_record, samples_of(sorted(group.glob("[!.]*")))))
+            for group in sorted((folder / "samples").glob("[!.]*"))
+        }
+        self.times = read_table(folder / "report" / "times.tsv", TIMES)
+
+    def accepted(self, *, published: bool) -> list[SampleRecord]:
+        """Accepted samples of the groups that are published, or of the others."""
+        dataset = {path.name for path in (self.folder / "dataset").glob("*/*")}
+        return [
+            record
+            for records in self.records.values()
+            for record in records
+            if record.accepted and (record.meta["id"] in dataset) == published
+        ]
 
 
 def _span(numbers: Sequence[int]) -> str:
@@ -152,13 +155,18 @@ def origin(results: Results) -> str:
     moving = sorted(metrics.loc[metrics["variant"] == "posed", "n"].unique())
     return (
         f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
-        f" {len(results.records)} samples by Blender, and"
-        f" {sum(record.accepted for record in results.learning)} of {len(results.learning)} by the"
-        f" fast solver that were accepted; the test split has {held_out} garments at"
+        f" {_by_solver(results.accepted(published=True))} are published;"
+        f" {_by_solver(results.accepted(published=False))} more are there to learn from and to test"
+        f" on; the test split has {held_out} garments at"
         f" rest, and {_span(moving)} moving sequences of"
         " each of Garment4D's types. Brackets hold 95 % intervals over outfits, or over sequences"
         " where garments move; they do not cover what another seed would change.\n"
     )
+
+
+def _by_solver(records: Sequence[SampleRecord]) -> str:
+    counts = Counter(solver_name(record.meta) for record in records)
+    return " and ".join(f"{count} samples by {solver}" for solver, count in counts.items())
 
 
 def registration(results: Results) -> str:
@@ -181,17 +189,11 @@ def registration(results: Results) -> str:
     )
 
 
-def _records(folder: Path, group: str) -> list[SampleRecord]:
-    """Of all samples of a group, rejected ones too."""
-    shards = sorted((folder / "samples" / group).glob("[!.]*"))
-    return list(map(read_record, samples_of(shards)))
-
-
 def learning_group(results: Results) -> str:
     """Samples of the learning group by split, and the garments of those that were accepted."""
-    table = []
+    table, learning = [], results.records["learning"]
     for split in SPLITS:
-        planned = [record for record in results.learning if record.meta["split"] == split]
+        planned = [record for record in learning if record.meta["split"] == split]
         accepted = [record for record in planned if record.accepted]
         worn = Counter(name for record in accepted for name in record.meta["garments"])
         table.append(
@@ -202,16 +204,22 @@ def learning_group(results: Results) -> str:
 
 
 def health(results: Results) -> str:
-    """Measures of the dataset's samples beside their goals."""
-    return _health(results.records)
+    """Measures of the samples by Blender beside their goals."""
+    return _health(results, "blender")
 
 
-def health_learning(results: Results) -> str:
-    """The same of the learning group."""
-    return _health([record for record in results.learning if record.accepted])
+def health_fast(results: Results) -> str:
+    """The same of the samples by the fast solver."""
+    return _health(results, "xpbd")
 
 
-def _health(records: Sequence[SampleRecord]) -> str:
+def _health(results: Results, solver: str) -> str:
+    records = [
+        record
+        for published in (True, False)
+        for record in results.accepted(published=published)
+        if solver_name(record.meta) == solver
+    ]
     table = []
     for measure in MEASURES.values():
         values = np.array([measure.values(record) for record in records])
@@ -235,32 +243,85 @@ def _health(records: Sequence[SampleRecord]) -> str:
 
 
 def times(results: Results) -> str:
-    """Processor time and memory of each stage."""
-    jobs = job_times([results.folder / "benchmarks", ROOT / "resources" / "benchmarks"])
-    stage_of = {
-        rule: stage for stage, files in STAGES.items() for name in files for rule in rules_of(name)
-    }
-    # One core each; Snakemake's count of processor time misses the last half minute of a job.
-    by = jobs.assign(stage=pd.Categorical(jobs["rule"].map(stage_of), STAGES)).groupby(
-        "stage", observed=True
-    )
-    table = pd.DataFrame(
+    """Time and memory of each stage."""
+    stages = results.times[results.times["rule"] == ALL_RULES]
+    return markdown(
         {
-            "jobs": by.size(),
-            "seconds": by["s"].sum().map("{:.0f}".format),
-            "longest job s": by["s"].max().map("{:.0f}".format),
-            "peak memory MB": by["memory_mb"].max().map("{:.0f}".format),
+            "stage": row.stage,
+            "jobs": f"{row.jobs}",
+            "processor time (s)": f"{row.cpu_s:.0f}",
+            "share (%)": f"{100 * row.cpu_s / stages['cpu_s'].iloc[-1]:.0f}",
+            "longest job (s)": f"{row.longest_s:.0f}",
+            "peak memory of a job (MB)": f"{row.peak_memory_mb:.0f}",
         }
+        for row in stages.itertuples()
     )
-    whole = {"jobs": by.size().sum(), "seconds": f"{by['s'].sum().sum():.0f}"}
-    rows = [{"stage": stage, **row} for stage, row in table.to_dict("index").items()]
-    return markdown([*rows, {"stage": "all"} | whole])
 
 
-def rules_of(file: str) -> set[str]:
-    """Names of the rules in a file of the workflow."""
-    text = (ROOT / "workflow" / "rules" / f"{file}.smk").read_text()
-    return set(re.findall(r"^rule (\w+):", text, re.MULTILINE))
+def costs(results: Results) -> str:
+    """Time, memory and disk of a sample, step by step."""
+    rows = results.times.set_index(["stage", "rule"])
+    rows = {
+        **{rule: row for (_, rule), row in rows.iterrows()},
+        **{stage: row for (stage, rule), row in rows.iterrows() if rule == ALL_RULES},
+    }
+    solvers: dict[str, list[str]] = {}
+    for group, records in results.records.items():
+        solvers.setdefault(solver_name(records[0].meta), []).append(group)
+    published = [
+        group for group in results.records if (results.folder / "gallery" / group).is_dir()
+    ]
+    steps = [
+        ("body in motion", "animate_bodies", "bodies", [*results.records]),
+        *(
+            (f"simulation by `{solver}`, and files", f"simulation, {solver}", "samples", groups)
+            for solver, groups in solvers.items()
+        ),
+        ("registration to the body", "register_samples", "registration", [*results.records]),
+        ("pictures", "render_gallery", "gallery", published),
+    ]
+    return markdown(
+        {
+            "what": title,
+            "seconds of a core": f"{rows[name].cpu_s / count:.1f}",
+            "MB of memory": f"{rows[name].peak_memory_mb:.0f}",
+            "MB of files": f"{size / count / 1e6:.1f}",
+        }
+        for title, name, folder, groups in steps
+        for count in [sum(len(results.records[group]) for group in groups)]
+        for size in [sum(_bytes(results.folder / folder / group) for group in groups)]
+    )
+
+
+def _bytes(folder: Path) -> int:
+    """What a folder takes of a disk."""
+    return int(subprocess.check_output(["du", "--summarize", "--bytes", folder]).split()[0])
+
+
+def _core_seconds(results: Results, rule: str = ALL_RULES) -> float:
+    """Of all jobs that had ended when the last one of a rule had."""
+    jobs = job_times([results.folder / "benchmarks"], {})
+    ended = jobs.loc[(jobs["rule"] == rule) | (rule == ALL_RULES), "ended_s"].max()
+    return float(jobs.loc[jobs["ended_s"] <= ended, "cpu_s"].sum())
+
+
+def _minutes(core_seconds: float) -> str:
+    """On two cores."""
+    return f"{core_seconds / 120:.0f} minutes"
+
+
+def _gigabytes(count: float) -> str:
+    return f"{count / 1e9:.1f} GB"
+
+
+FIGURES: dict[str, Callable[[Results], str]] = {
+    "run": lambda results: _minutes(_core_seconds(results)),
+    "first": lambda results: _minutes(_core_seconds(results, "write_overview")),
+    "jobs": lambda results: f"{results.times['jobs'].iloc[-1]}",
+    "memory": lambda results: _gigabytes(1e6 * results.times["peak_memory_mb"].max()),
+    "disk": lambda results: _gigabytes(_bytes(results.folder)),
+    "environment": lambda _: _gigabytes(_bytes((ROOT / ".venv").resolve())),
+}
 
 
 def markdown(rows: Iterable[Mapping[str, object]]) -> str:
@@ -278,7 +339,7 @@ def markdown(rows: Iterable[Mapping[str, object]]) -> str:
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
-        for table in (origin, times, health, health_learning, learning_group, registration)
+        for table in (*(origin, times, costs, health, health_fast, learning_group, registration),)
     },
     **{
         name: lambda results, table=table: markdown(table.rows(results.metrics))
@@ -287,23 +348,28 @@ TABLES: dict[str, Callable[[Results], str]] = {
 }
 
 
-def write_tables(results: str | Path, page: Path = PAGE) -> None:
-    """Replace the tables in a page; text outside of the marked places stays.
+def write_tables(results: str | Path, pages: Iterable[Path] = PAGES) -> None:
+    """Replace the tables and figures in pages; text outside of the marked places stays.
 
     Args:
         results: folder of a finished experiment.
-        page: Markdown.
+        pages: Markdown.
 
     Raises:
-        KeyError: the page has a place for a table that does not exist.
+        KeyError: a page has a place for a table or a figure that does not exist.
         InputError: the experiment lacks a file.
     """
     read = Results(Path(results))
 
-    def replace(match: re.Match[str]) -> str:
+    def table(match: re.Match[str]) -> str:
         return f"{match[1]}\n{TABLES[match[2]](read)}\n{match[3]}"
 
-    page.write_text(BLOCK.sub(replace, page.read_text()))
+    def figure(match: re.Match[str]) -> str:
+        return f"{match[1]}{FIGURES[match[2]](read)}{match[3]}"
+
+    for page in pages:
+        text = page.read_text()
+        page.write_text(FIGURE.sub(figure, BLOCK.sub(table, text)))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    jobs, made = job_times(snakemake.params.folders), snakemake.output
+    params, made = snakemake.params, snakemake.output
+    jobs = job_times(params.folders, params.stages)
     write_times(jobs, figure=made.figure, table=made.table, page=made.page)
     log.info("%d jobs, %.1f s", len(jobs), jobs["s"].sum())

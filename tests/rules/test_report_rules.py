@@ -51,35 +51,39 @@ def test_tables_and_viewer_are_pages(run_rule, dataset, tmp_path):
 def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
     benchmark = tmp_path / "benchmarks" / "make_outfit" / "00001.tsv"
     benchmark.parent.mkdir(parents=True)
-    benchmark.write_text("s\tmax_rss\tcpu_time\n3.5\t200\t3\n")
+    benchmark.write_text("s\tmax_rss\tmean_load\tcpu_time\n3.5\t200\t80\t3\n")
     output = {
         "figure": tmp_path / "f.svg",
         "page": tmp_path / "p.html",
         "table": tmp_path / "t.tsv",
     }
-    run_rule("plot_time", output=output, params={"folders": [tmp_path / "benchmarks"]})
-    assert "make_outfit\t1\t3.5" in output["table"].read_text()
+    params = {"folders": [tmp_path / "benchmarks"], "stages": {"make_outfit/": "outfits"}}
+    run_rule("plot_time", output=output, params=params)
+    assert "outfits\tmake_outfit\t1\t3.5" in output["table"].read_text()
 
 
-def test_write_overview_shows_stills_numbers_and_samples(run_rule, dataset, tmp_path):
+def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path):
     still = tmp_path / "gallery" / "00001.png"
     still.parent.mkdir()
     Image.new("RGB", (48, 64), "grey").save(still)
+    run_rule(
+        "write_overview",
+        input={"dataset": dataset, "pictures": [still.parent]},
+        output=[tmp_path / "overview.html"],
+    )
+    assert "<strong>00001</strong>" in (tmp_path / "overview.html").read_text()
+
+
+def test_write_errors_shows_numbers(run_rule, tmp_path):
     registration, metrics = tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
     errors = {"source": "static", "garment": "Skirt", "metric": "garment_to_rebuilt_mean_mm"}
     errors |= {"garments": 4, "mean": 0.5, "median": 0.5, "max": 0.5, "total": 2.0, "unit": "mm"}
     write_table(registration, make_table(SUMMARY, [errors]), SUMMARY)
     collect_metrics(metrics, [])
     run_rule(
-        "write_overview",
-        input={
-            "dataset": dataset,
-            "pictures": [still.parent],
-            "registration": registration,
-            "metrics": metrics,
-        },
-        output=[tmp_path / "overview.html"],
+        "write_errors",
+        input={"registration": registration, "metrics": metrics},
+        output=[tmp_path / "errors.html"],
     )
-    text = (tmp_path / "overview.html").read_text()
-    assert "<strong>00001</strong>" in text
+    text = (tmp_path / "errors.html").read_text()
     assert "<strong>0.50 mm</strong>mean of 4 garments" in text

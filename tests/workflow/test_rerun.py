@@ -136,8 +136,13 @@ def planned_jobs(project: Path, *configs: str) -> dict[str, str]:
     assert run.returncode == 0, run.stderr[-2000:]
     found: dict[str, str] = {}
     for job in re.split(r"^(?=(?:local)?rule \w+:$)", run.stdout + run.stderr, flags=re.M)[1:]:
-        name = re.search(r"^    log: .*?/logs/(\w+)|^(?:local)?rule (all):", job, re.M)
-        found[name[1] or name[2]] = re.search(r"^    reason: (.*)$", job, re.M)[1]
+        kinds = "collect_data|train|evaluate|sample_model"
+        name = re.search(
+            rf"^    log: .*?logs/((?:{kinds})/\w+|\w+)|^(?:local)?rule (all):", job, re.M
+        )
+        found[(name[1] or name[2]).replace("/", "_")] = re.search(r"^    reason: (.*)$", job, re.M)[
+            1
+        ]
     return found
 
 

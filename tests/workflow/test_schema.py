@@ -34,23 +34,26 @@ def test_every_object_is_closed_and_every_key_described_or_an_object():
             assert part.get("type") == "object" or "description" in part or in_mapping, name
 
 
-def test_the_default_experiment_names_only_what_makes_it_special():
+@pytest.mark.parametrize("name", ["config.yaml", "workflow/config/reference.yaml"])
+def test_an_experiment_names_only_what_makes_it_special(name):
     def differences(given, default):
         return {
-            key: differences(value, default[key]) if isinstance(value, dict) else value
+            key: differences(value, default.get(key, {})) if isinstance(value, dict) else value
             for key, value in given.items()
             if value != default.get(key)
         }
 
-    given = yaml.safe_load((ROOT / "config.yaml").read_text())
+    given = yaml.safe_load((ROOT / name).read_text())
     assert differences(given, fill_settings({}, SCHEMA, "")) == given
 
 
 @pytest.mark.parametrize(
-    "name", ["config.yaml", "tests/data/tiny.yaml", "workflow/config/paper.yaml"]
+    "path",
+    [*ROOT.glob("*.yaml"), *ROOT.glob("workflow/config/*.yaml"), *ROOT.glob("tests/data/*.yaml")],
+    ids=lambda path: path.name,
 )
-def test_shipped_configs_fit(name):
-    fill_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
+def test_shipped_configs_fit(path):
+    fill_settings(yaml.safe_load(path.read_text()), SCHEMA, path.name)
 
 
 def test_every_garment_type_and_outfit_can_be_asked_for():

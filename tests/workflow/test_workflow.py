@@ -7,7 +7,10 @@ import yaml
 
 from toys.snakemake_run import snakemake
 
-CONFIGS = ["tests/data/tiny.yaml", "config.yaml", "workflow/config/paper.yaml"]
+CONFIGS = [
+    *("tests/data/tiny.yaml", "config.yaml"),
+    *("workflow/config/reference.yaml", "workflow/config/paper.yaml"),
+]
 
 
 def with_settings(tmp_path, **settings):
@@ -42,6 +45,24 @@ def test_each_size_plans_every_step(config, project):
         "write_samples",
     ):
         assert rule in steps
+
+
+def test_published_samples_and_their_pictures_come_before_anything_else(project):
+    config = "tests/data/tiny.yaml"
+    run = snakemake(project, "--dry-run", "all", "--forceall", "--configfile", config)
+    planned = run.stdout + run.stderr
+    assert "All samples are there to be looked at" in planned
+    steps = ("animate_bodies", "make_outfits", "simulate_outfits", "write_samples")
+    shared = ("import_motion", "copy_body", "build_templates")
+    first, others = [], []
+    for rule, text in re.findall(r"^rule (\w+):\n((?: .*\n)+)", planned, re.MULTILINE):
+        priority = re.search(r"^ +priority: ([\d.]+)$", text, re.MULTILINE)
+        pictures = rule in ("render_gallery", "collect_dataset")
+        if pictures or (rule in steps and "group=dataset," in text):
+            first.append(float(priority[1]))
+        elif rule not in shared:
+            others.append(float(priority[1]) if priority else 0)
+    assert min(first) > max(others)
 
 
 def test_types_left_out_are_neither_trained_nor_needed(project, tmp_path):
@@ -110,11 +131,11 @@ def test_a_table_of_ones_own_means_all_its_rows(project, tmp_path):
 
 def test_configs_are_laid_over_one_another_only_where_the_user_names_them(project, tmp_path):
     config = with_settings(tmp_path, groups={"dataset": {"count": 20}})[-1]
-    for configs, clips in (([config], 15), (["config.yaml", config], 8)):
+    for configs, clips, samples in (([config], 15, 20), (["config.yaml", config], 8, 22)):
         run = snakemake(project, "dataset", "--dry-run", "--configfile", *configs)
         assert run.returncode == 0, run.stderr
         assert re.search(rf"^import_motion +{clips}$", run.stdout + run.stderr, re.MULTILINE)
-        assert re.search(r"^simulate_outfits +20$", run.stdout + run.stderr, re.MULTILINE)
+        assert re.search(rf"^simulate_outfits +{samples}$", run.stdout + run.stderr, re.MULTILINE)
 
 
 def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_path):

@@ -11,6 +11,7 @@ rule copy_body:
         "logs/copy_body.log",
     benchmark:
         "benchmarks/copy_body.tsv"
+    priority: PICTURES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -55,7 +56,7 @@ rule import_motion:
         f"{LOGS}/import_motion/{{sequence}}_{{length}}.log",
     benchmark:
         f"{BENCHMARKS}/import_motion/{{sequence}}_{{length}}.tsv"
-    priority: SAMPLES_FIRST
+    priority: clip_priority
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -79,7 +80,7 @@ rule animate_bodies:
         f"{LOGS}/animate_bodies/{{group}}_{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/animate_bodies/{{group}}_{{shard}}.tsv"
-    priority: SAMPLES_FIRST
+    priority: sample_priority
     conda:
         "../../envs/geometry.yaml"
     threads: 1

@@ -61,8 +61,10 @@ BENCHMARKS = f"{RESULTS}/benchmarks"
 # A cluster's job has its own machine to count cores on, and must find the threads it asked for.
 _CORES = None if workflow.remote_exec else workflow.resource_settings.cores
 NETWORK_THREADS = min(max((_CORES or 8) // 2, 1), 8)
-# Everything waits for samples; whatever is left fills the cores at the end.
-SAMPLES_FIRST, LONG_CHAIN = 2, 1
+# Samples that are published, and their pictures, are there to be looked at after some minutes. Then
+# everything waits for samples, and Garment4D has the longest chain after them; whatever is left fills
+# the cores at the end.
+PICTURES_FIRST, PUBLISHED_FIRST, SAMPLES_FIRST, LONG_CHAIN = 4, 3, 2, 1
 # What `all` makes; rules files add to it.
 DEFAULT_TARGETS = []
 

@@ -16,6 +16,7 @@ rule collect_dataset:
         f"{LOGS}/collect_dataset.log",
     benchmark:
         f"{BENCHMARKS}/collect_dataset.tsv"
+    priority: PICTURES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1

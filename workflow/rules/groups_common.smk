@@ -73,6 +73,20 @@ def plans_of(wildcards):
     return GROUPS[wildcards.group].shards[wildcards.shard]
 
 
+def sample_priority(wildcards):
+    """Priority function: of jobs for a shard; of published ones, those of a quick solver come first."""
+    if not GROUPS[wildcards.group].published:
+        return SAMPLES_FIRST
+    return PUBLISHED_FIRST + 1 / solver_of(wildcards).sample_s
+
+
+def clip_priority(wildcards):
+    """Priority function: of jobs for a clip."""
+    clip = clip_entry(wildcards)
+    published = any(clip in group.clips.values() for group in PUBLISHED)
+    return PUBLISHED_FIRST if published else SAMPLES_FIRST
+
+
 def shard_ids(wildcards):
     """Params function: ids of a shard's samples."""
     return [plan.sample for plan in plans_of(wildcards)]

@@ -7,9 +7,9 @@ rule train:
     output:
         directory(f"{RESULTS}/{{model}}/{{task}}"),
     log:
-        f"{LOGS}/train_{{model}}/{{task}}.log",
+        f"{LOGS}/train/{{model}}/{{task}}.log",
     benchmark:
-        f"{BENCHMARKS}/train_{{model}}/{{task}}.tsv"
+        f"{BENCHMARKS}/train/{{model}}/{{task}}.tsv"
     wildcard_constraints:
         task=folders("trainings"),
     priority: task_priority
@@ -31,27 +31,27 @@ rule train:
 
 use rule train as collect_data with:
     log:
-        f"{LOGS}/collect_{{model}}/{{task}}.log",
+        f"{LOGS}/collect_data/{{model}}/{{task}}.log",
     benchmark:
-        f"{BENCHMARKS}/collect_{{model}}/{{task}}.tsv"
+        f"{BENCHMARKS}/collect_data/{{model}}/{{task}}.tsv"
     wildcard_constraints:
         task=folders("data"),
 
 
 use rule train as evaluate with:
     log:
-        f"{LOGS}/evaluate_{{model}}/{{task}}.log",
+        f"{LOGS}/evaluate/{{model}}/{{task}}.log",
     benchmark:
-        f"{BENCHMARKS}/evaluate_{{model}}/{{task}}.tsv"
+        f"{BENCHMARKS}/evaluate/{{model}}/{{task}}.tsv"
     wildcard_constraints:
         task=folders("evaluations"),
 
 
 use rule train as sample_model with:
     log:
-        f"{LOGS}/sample_{{model}}/{{task}}.log",
+        f"{LOGS}/sample_model/{{model}}/{{task}}.log",
     benchmark:
-        f"{BENCHMARKS}/sample_{{model}}/{{task}}.tsv"
+        f"{BENCHMARKS}/sample_model/{{model}}/{{task}}.tsv"
     wildcard_constraints:
         task=folders("samples"),
 

@@ -16,6 +16,7 @@ rule build_templates:
         f"{LOGS}/build_templates/{{gender}}.log",
     benchmark:
         f"{BENCHMARKS}/build_templates/{{gender}}.tsv"
+    priority: PICTURES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -61,7 +62,7 @@ rule make_outfits:
         f"{LOGS}/make_outfits/{{group}}_{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/make_outfits/{{group}}_{{shard}}.tsv"
-    priority: SAMPLES_FIRST
+    priority: sample_priority
     conda:
         "../../envs/geometry.yaml"
     threads: 1

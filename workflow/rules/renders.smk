@@ -21,6 +21,7 @@ rule render_gallery:
         f"{LOGS}/render_gallery/{{group}}_{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/render_gallery/{{group}}_{{shard}}.tsv"
+    priority: PICTURES_FIRST
     conda:
         "../../envs/report.yaml"
     threads: 1

@@ -205,20 +205,19 @@ rule write_overview:
     input:
         dataset=f"{RESULTS}/dataset",
         pictures=GALLERY_PICTURES,
-        registration=f"{RESULTS}/report/registration.tsv",
-        metrics=f"{RESULTS}/metrics.tsv",
     output:
         # The front page, workflow.rst, shows what this page holds.
         report(
             f"{RESULTS}/report/overview.html",
             caption="../report/overview.rst",
             category="Dataset",
-            labels={"shows": "overview: numbers and all samples"},
+            labels={"shows": "overview: all samples"},
         ),
     log:
         f"{LOGS}/write_overview.log",
     benchmark:
         f"{BENCHMARKS}/write_overview.tsv"
+    priority: PICTURES_FIRST
     conda:
         "../../envs/report.yaml"
     threads: 1
@@ -227,17 +226,75 @@ rule write_overview:
         runtime=10,
     params:
         code=source_hash("write_overview"),
+    message:
+        f"All samples are there to be looked at: {RESULTS}/gallery, and in a moment {{output}}."
     script:
         "../../scripts/write_overview.py"
 
 
+rule write_errors:
+    input:
+        registration=f"{RESULTS}/report/registration.tsv",
+        metrics=f"{RESULTS}/metrics.tsv",
+    output:
+        # As above.
+        report(
+            f"{RESULTS}/report/errors.html",
+            caption="../report/errors.rst",
+            category="Models",
+            labels={"shows": "errors of all models beside baselines"},
+        ),
+    log:
+        f"{LOGS}/write_errors.log",
+    benchmark:
+        f"{BENCHMARKS}/write_errors.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("write_errors"),
+    script:
+        "../../scripts/write_errors.py"
+
+
 DEFAULT_TARGETS += [
     *rules.write_overview.output,
+    *rules.write_errors.output,
     *rules.plot_statistics.output,
     *rules.tabulate_dataset.output,
     *rules.plot_health.output,
     *rules.view_example.output,
 ]
+
+
+# Stages in the tables of times: the files that rules stand in, up to an underscore, put together.
+STAGES = {
+    **dict.fromkeys(["bodies", "outfits"], "bodies, motion, outfits"),
+    **dict.fromkeys(
+        ["dataset", "renders", "report", "evaluation"], "dataset, pictures, report"
+    ),
+    **dict.fromkeys(["registration", "learning"], "registration, data for learning"),
+    **{name: model.title for name, model in MODELS.items()},
+}
+
+
+def stages_of_jobs():
+    """What the names of benchmark files begin with, and the stage of the jobs they are of."""
+    stages = {}
+    for rule in workflow.rules:
+        name = Path(rule.snakefile).stem.split("_")[0]
+        stages[f"{rule.name}/"] = STAGES.get(name, name)
+        if name == "simulation":
+            for group in MOVING:
+                stages[f"{rule.name}/{group.name}_"] = f"simulation, {group.solver}"
+        for model in MODELS if name == "models" else ():
+            stages[f"{rule.name}/{model}/"] = MODELS[model].title
+    for name, (model, _) in FIGURES.items():
+        stages[f"{name}/"] = MODELS[model].title
+    return stages
 
 
 rule plot_time:
@@ -271,6 +328,7 @@ rule plot_time:
     params:
         # The bodies' own benchmark is not this experiment's: all experiments share the bodies.
         folders=[BENCHMARKS, "benchmarks"],
+        stages=stages_of_jobs(),
         code=source_hash("plot_time"),
     script:
         "../../scripts/plot_time.py"

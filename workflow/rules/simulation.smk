@@ -10,7 +10,7 @@ rule simulate_outfits:
         f"{LOGS}/simulate_outfits/{{group}}_{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/simulate_outfits/{{group}}_{{shard}}.tsv"
-    priority: SAMPLES_FIRST
+    priority: sample_priority
     conda:
         solver_environment
     threads: 1
@@ -41,7 +41,7 @@ rule write_samples:
         f"{LOGS}/write_samples/{{group}}_{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/write_samples/{{group}}_{{shard}}.tsv"
-    priority: SAMPLES_FIRST
+    priority: sample_priority
     conda:
         solver_environment
     threads: 1

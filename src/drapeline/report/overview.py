@@ -1,4 +1,4 @@
-"""The front page of the report: a picture, the numbers that matter and a sheet of all samples."""
+"""The front page of the report: pictures of the samples, and the numbers that matter."""
 
 import base64
 import io
@@ -108,17 +108,13 @@ def write_overview(
     path: str | Path,
     dataset: str | Path,
     pictures: Mapping[str, str | Path],
-    registration: str | Path,
-    metrics: str | Path,
 ) -> None:
-    """Write the page.
+    """Write the page of the samples: some large, the numbers of the dataset, and all in small.
 
     Args:
         path: the HTML page; the report's front page, `workflow.rst`, shows what it holds.
         dataset: folder of the collected dataset.
         pictures: sample -> its still.
-        registration: table of the errors of the round trip.
-        metrics: table of all metrics; models that it does not hold have no number.
 
     Raises:
         InputError: a table is missing or unusable.
@@ -126,20 +122,35 @@ def write_overview(
     dataset = Path(dataset)
     status = read_table(dataset / "status.tsv", STATUS)
     records = accepted_records(dataset)
-    figures = [
-        *_dataset_figures(dataset, status, records),
-        *_registration_figures(registration),
-        *_model_figures(metrics),
-    ]
     worn = {record.meta["id"]: outfit_text(record.meta) for record in records}
     write_page(
         path,
         "Overview",
         f'<div class="overview">{_STYLE}',
         _strip([pictures[sample] for sample in _evenly([*worn], _SHOWN)]),
-        _numbers(figures),
+        _numbers(_dataset_figures(dataset, status, records)),
         "<!-- samples --><h2>All samples</h2>",
         _sheet(status, worn, pictures),
+        "</div><!-- overview -->",
+    )
+
+
+def write_errors(path: str | Path, registration: str | Path, metrics: str | Path) -> None:
+    """Write the page of what models get wrong, which the report's front page shows as well.
+
+    Args:
+        path: the HTML page.
+        registration: table of the errors of the round trip.
+        metrics: table of all metrics; models that it does not hold have no number.
+
+    Raises:
+        InputError: a table is missing or unusable.
+    """
+    write_page(
+        path,
+        "Errors of the models",
+        f'<div class="overview">{_STYLE}',
+        _numbers([*_registration_figures(registration), *_model_figures(metrics)]),
         "</div><!-- overview -->",
     )
 

@@ -1,12 +1,12 @@
 """Time and memory of each step, from Snakemake's benchmark files."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from drapeline.report.colours import BLUE, GREEN, ORANGE
-from drapeline.report.html import html_table, number, write_page
+from drapeline.report.html import Cell, html_table, number, write_page
 from drapeline.report.style import label_bar, saved_figure, show_message
 from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
 
@@ -16,21 +16,26 @@ BENCHMARK = Schema(
         "s": Column(float, optional=True),
         "max_rss": Column(float, optional=True),
         "cpu_time": Column(float, optional=True),
+        "mean_load": Column(float, optional=True),
     },
     more=True,
 )
 JOBS = Schema(
     "times of jobs",
     {
+        "stage": Column(),
         "rule": Column(),
         "s": Column(float),
         "cpu_s": Column(float),
+        "ended_s": Column(float),
         "memory_mb": Column(float, optional=True),
     },
 )
+ALL = "all"
 TIMES = Schema(
-    "times of rules",
+    "times of stages and rules",
     {
+        "stage": Column(),
         "rule": Column(),
         "jobs": Column(int, low=1),
         **{
@@ -38,39 +43,60 @@ TIMES = Schema(
         },
         "peak_memory_mb": Column(float, optional=True, text=".0f"),
     },
-    key=("rule",),
+    key=("stage", "rule"),
 )
 
 
-def job_times(folders: Iterable[str | Path]) -> Table:
+def job_times(folders: Iterable[str | Path], stages: Mapping[str, str]) -> Table:
     """A row for each job of `{folder}/{rule}.tsv` and `{folder}/{rule}/*.tsv`.
 
-    Processor time that was not measured counts as 0. Missing folders count as empty.
+    Snakemake looks at a job for the last time up to half a minute before its end; by its mean load
+    until then, the processor time is carried on. What was not measured counts as 0. Missing folders
+    count as empty.
 
     Args:
         folders: of Snakemake's benchmark files.
+        stages: what the names of the files begin with, `{rule}/` or more -> stage of the job. The
+            longest beginning counts, and jobs without one are a stage called like their rule.
 
     Returns:
-        Wall-clock and processor time in seconds and the largest resident memory in megabytes.
+        Wall-clock and processor time in seconds, when the file was written in seconds since 1970,
+        and the largest resident memory in megabytes.
 
     Raises:
         InputError: a file lacks a column, or a value is not a number.
     """
-    jobs = [
-        {"rule": rule, "s": row.s, "cpu_s": row.cpu_time, "memory_mb": row.max_rss}
-        for folder in map(Path, folders)
-        for path in sorted(folder.rglob("*.tsv"))
-        for rule in [path.relative_to(folder).parts[0].removesuffix(".tsv")]
-        for row in read_table(path, BENCHMARK).itertuples()
-    ]
+    jobs = []
+    for folder in map(Path, folders):
+        for path in sorted(folder.rglob("*.tsv")):
+            rule, *job = path.relative_to(folder).with_suffix("").parts
+            name = "/".join([rule, *job, *([] if job else [""])])
+            stage = stages.get(max(filter(name.startswith, stages), key=len, default=""), rule)
+            jobs += [
+                {
+                    "stage": stage,
+                    "rule": rule,
+                    "s": row.s,
+                    "cpu_s": np.fmax(row.cpu_time, row.s * row.mean_load / 100),
+                    "ended_s": path.stat().st_mtime,
+                    "memory_mb": row.max_rss,
+                }
+                for row in read_table(path, BENCHMARK).itertuples()
+            ]
     return make_table(JOBS, jobs).fillna({"s": 0.0, "cpu_s": 0.0})
 
 
 def rule_times(jobs: Table) -> Table:
-    """A row for each rule, the longest first, and one for all; see `job_times`."""
-    parts = [*jobs.groupby("rule"), *([("all", jobs)] if len(jobs) else [])]
+    """A row for each rule, one for all rules of each stage, and one for all; see `job_times`.
+
+    Stages and the rules of each are sorted by their time, the longest first; sums come last.
+    """
+    parts = [(*names, part) for names, part in jobs.groupby(["stage", "rule"])]
+    parts += [(stage, ALL, part) for stage, part in jobs.groupby("stage")]
+    parts += [(ALL, ALL, jobs)] if len(jobs) else []
     rows = [
         {
+            "stage": stage,
             "rule": rule,
             "jobs": len(part),
             "total_s": part["s"].sum(),
@@ -79,25 +105,47 @@ def rule_times(jobs: Table) -> Table:
             "cpu_s": part["cpu_s"].sum(),
             "peak_memory_mb": part["memory_mb"].max(),
         }
-        for rule, part in parts
+        for stage, rule, part in parts
     ]
-    rows.sort(key=lambda row: (row["rule"] == "all", -row["total_s"], row["rule"]))
+    of_stage = jobs.groupby("stage")["s"].sum()
+    rows.sort(
+        key=lambda row: (
+            *(row["rule"] == ALL, row["stage"] == ALL),
+            *(-of_stage.get(row["stage"], 0), row["stage"], -row["total_s"], row["rule"]),
+        )
+    )
     return make_table(TIMES, rows).round(2)
 
 
 def write_times(jobs: Table, *, figure: str | Path, table: str | Path, page: str | Path) -> None:
-    """Write the bar chart, the `.tsv` and the HTML table of all rules' times."""
+    """Write the bar chart, the `.tsv` and the HTML tables of the times of stages and rules."""
     times = rule_times(jobs)
     write_table(table, times, TIMES)
+    of_stages = times["rule"] == ALL
+    write_page(
+        page,
+        "Time and memory of each step",
+        "<p>Wall-clock time of the jobs, added up as if they had run one after the other; they run"
+        " in parallel, so the whole run took less. Processor time counts all cores of a job. Steps"
+        " kept from an earlier run are listed with the time they took then.</p>",
+        html_table(_shown(times[of_stages], ["stage"])),
+        "<h2>Rules</h2>",
+        html_table(_shown(times[~of_stages], ["stage", "rule"])),
+    )
+    _plot(figure, jobs)
+
+
+def _shown(times: Table, names: Sequence[str]) -> list[dict[str, str | Cell]]:
+    """Rows of a page, which columns name."""
     headings = {
         "total_s": "All jobs",
         "mean_s": "One job, mean",
         "longest_s": "Longest job",
         "cpu_s": "Processor time",
     }
-    shown = [
+    return [
         {
-            "Rule": row["rule"],
+            **{name.capitalize(): row[name] for name in names},
             "Jobs": number(row["jobs"]),
             **{
                 heading: number(duration(row[name]), order=row[name])
@@ -109,15 +157,6 @@ def write_times(jobs: Table, *, figure: str | Path, table: str | Path, page: str
         }
         for row in times.to_dict("records")
     ]
-    write_page(
-        page,
-        "Time and memory of each step",
-        "<p>Wall-clock time of the jobs, added up as if they had run one after the other; they run"
-        " in parallel, so the whole run took less. Processor time counts all cores of a job. Steps"
-        " kept from an earlier run are listed with the time they took then.</p>",
-        html_table(shown),
-    )
-    _plot(figure, jobs, times[times["rule"] != "all"])
 
 
 def duration(seconds: float) -> str:
@@ -130,7 +169,9 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _plot(path: str | Path, jobs: Table, times: Table) -> None:
+def _plot(path: str | Path, jobs: Table) -> None:
+    times = rule_times(jobs.assign(stage=""))
+    times = times[times["rule"] != ALL]
     height = 1.2 + 0.32 * max(len(times), 2)
     with saved_figure(path, width_in=10.0, height_in=height, columns=3) as (_, axes):
         if not len(times):

@@ -8,7 +8,7 @@ from PIL import Image
 
 from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
-from drapeline.report.overview import write_overview
+from drapeline.report.overview import write_errors, write_overview
 from drapeline.report.registration_table import SUMMARY
 from drapeline.schema import make_table, write_table
 from toys.metric_rows import metric_row, metric_table
@@ -52,21 +52,32 @@ METRICS = [
 
 @pytest.fixture
 def overview(tmp_path):
-    """overview(dataset, metrics) -> the page's text"""
+    """overview(dataset) -> the page's text"""
 
-    def write(dataset, metrics=METRICS, size=(48, 64)):
+    def write(dataset, size=(48, 64)):
         rng = np.random.default_rng(0)
         pictures = {}
         for name in ("00001", "00002", "00003", "00004"):
             pictures[name] = tmp_path / f"{name}.png"
             pixels = rng.integers(256, size=(size[1], size[0], 3), dtype=np.uint8)
             Image.fromarray(pixels).save(pictures[name])
-        write_table(tmp_path / "registration.tsv", REGISTRATION, SUMMARY)
-        write_metrics(tmp_path / "metrics.tsv", metric_table(metrics))
         page = tmp_path / "overview.html"
-        write_overview(
-            page, dataset.path, pictures, tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
-        )
+        write_overview(page, dataset.path, pictures)
+        return page.read_text()
+
+    return write
+
+
+@pytest.fixture
+def errors(tmp_path):
+    """errors(metrics) -> the page's text"""
+
+    def write(metrics=METRICS):
+        registration, table = tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
+        write_table(registration, REGISTRATION, SUMMARY)
+        write_metrics(table, metric_table(metrics))
+        page = tmp_path / "errors.html"
+        write_errors(page, registration, table)
         return page.read_text()
 
     return write
@@ -83,13 +94,11 @@ def test_numbers_are_those_of_the_tables(overview, dataset):
     assert shown["Accepted at the first attempt"][0] == "75 %"
     assert shown["Frames"][0] == "18"
     assert shown["Bodies"][1] == "2 female, 1 male"
+
+
+def test_errors_stand_beside_the_best_baseline_and_only_for_models_that_there_are(errors):
+    shown = numbers(errors())
     assert shown["Registration error"] == ("0.40 mm", "mean of 4 garments")
-
-
-def test_errors_stand_beside_the_best_baseline_and_only_for_models_that_there_are(
-    overview, dataset
-):
-    shown = numbers(overview(dataset))
     at_rest = shown["Garments at rest, rebuilt from codes"]
     assert at_rest == ("3.3 mm", "Masked PPCA (ours); Garment VAE: 12.0 mm; PCA of offsets: 5.3 mm")
     assert "Garments in motion, rebuilt from codes" not in shown
@@ -97,7 +106,7 @@ def test_errors_stand_beside_the_best_baseline_and_only_for_models_that_there_ar
     assert shown["Garments in motion, from point clouds"] == ("45.0 mm", "Garment4D, posed stage")
     fields = shown["Garments at rest, from distance fields"]
     assert fields == ("4.0 mm", "SMPLicit, fitted code; SMPLicit, mean code: 20.0 mm")
-    assert not any(title.startswith("Garments ") for title in numbers(overview(dataset, [])))
+    assert not any(title.startswith("Garments ") for title in numbers(errors([])))
 
 
 def test_every_sample_is_in_the_sheet_with_motion_garments_and_fabrics(overview, dataset):
@@ -131,11 +140,13 @@ def test_a_sheet_that_is_too_large_shows_some_of_the_samples(overview, dataset, 
 
 
 def test_without_accepted_samples_there_is_a_page(overview, rejected):
-    shown = numbers(overview(rejected, []))
+    shown = numbers(overview(rejected))
     assert shown["Samples"] == ("0 of 1", "accepted")
     assert "Frames" not in shown
 
 
 def test_a_missing_table_is_named(tmp_path):
     with pytest.raises(InputError, match=r"status.tsv: no such file"):
-        write_overview(tmp_path / "x.html", tmp_path, {}, tmp_path / "r.tsv", tmp_path / "m.tsv")
+        write_overview(tmp_path / "x.html", tmp_path, {})
+    with pytest.raises(InputError, match=r"r.tsv: no such file"):
+        write_errors(tmp_path / "x.html", tmp_path / "r.tsv", tmp_path / "m.tsv")
