@@ -135,14 +135,12 @@ def planned_jobs(project: Path, *configs: str) -> dict[str, str]:
     run = snakemake(project, "all", "--dry-run", "--configfile", *configs)
     assert run.returncode == 0, run.stderr[-2000:]
     found: dict[str, str] = {}
+    kinds = "collect_data|train|evaluate|sample_model"
+    log = re.compile(rf"^    log: .*?/logs/((?:{kinds})/\w+|\w+)|^(?:local)?rule (all):", re.M)
     for job in re.split(r"^(?=(?:local)?rule \w+:$)", run.stdout + run.stderr, flags=re.M)[1:]:
-        kinds = "collect_data|train|evaluate|sample_model"
-        name = re.search(
-            rf"^    log: .*?logs/((?:{kinds})/\w+|\w+)|^(?:local)?rule (all):", job, re.M
-        )
-        found[(name[1] or name[2]).replace("/", "_")] = re.search(r"^    reason: (.*)$", job, re.M)[
-            1
-        ]
+        name = log.search(job)
+        reason = re.search(r"^    reason: (.*)$", job, re.M)
+        found[(name[1] or name[2]).replace("/", "_")] = reason[1]
     return found
 
 
