@@ -234,17 +234,11 @@ _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
 
 
 class Step(NamedTuple):
-    """A garment on the way.
+    """A garment on the way."""
 
-    Attributes:
-        garment: its likeliest type, one of `GARMENTS`.
-        mesh: as decoded, in rest pose.
-        cvar: (13,) conditions that it was decoded with.
-    """
-
-    garment: str
-    mesh: Mesh
-    cvar: np.ndarray
+    garment: str  # its likeliest type, one of `GARMENTS`
+    mesh: Mesh  # as decoded, in rest pose
+    cvar: np.ndarray  # (13,) conditions that it was decoded with
 
 
 def interpolate(
