@@ -25,19 +25,30 @@ _TOGETHER = 1 << 15  # posed vertices that are worked on at once: cache against 
 
 @dataclass(frozen=True)
 class BodyModel:
-    """A body in SMPL's format; Y up, facing +Z, T-pose, metres."""
+    """A body in SMPL's format; Y up, facing +Z, T-pose, metres.
 
-    v_template: np.ndarray  # (V, 3) float32 mean body
-    shapedirs: np.ndarray  # (V, 3, 10) float32, metres per unit of a shape coefficient
-    posedirs: np.ndarray  # (V, 3, 207) float32 pose blend shapes
-    J_regressor: np.ndarray  # (24, V) float32
-    weights: np.ndarray  # (V, 24) float32 skinning weights
-    faces: np.ndarray  # (F, 3) int32
-    # vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates, or None.
+    Attributes:
+        v_template: (V, 3) float32 mean body.
+        shapedirs: (V, 3, 10) float32, metres per unit of a shape coefficient.
+        posedirs: (V, 3, 207) float32 pose blend shapes.
+        J_regressor: (24, V) float32.
+        weights: (V, 24) float32 skinning weights.
+        faces: (F, 3) int32.
+        vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates, or None.
+        segmentation: (V,) int32, the joint whose part each vertex belongs to.
+        name: which body model and version this is, such as "drapeline-anny-female-1".
+    """
+
+    v_template: np.ndarray
+    shapedirs: np.ndarray
+    posedirs: np.ndarray
+    J_regressor: np.ndarray
+    weights: np.ndarray
+    faces: np.ndarray
     vt: np.ndarray | None
     ft: np.ndarray | None
-    segmentation: np.ndarray  # (V,) int32, the joint whose part each vertex belongs to
-    name: str  # which body model and version this is, such as "drapeline-anny-female-1"
+    segmentation: np.ndarray
+    name: str
 
     @cached_property
     def has_posedirs(self) -> bool:

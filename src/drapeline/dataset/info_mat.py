@@ -22,21 +22,31 @@ _HEADER_TEXT = b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
 
 @dataclass(frozen=True)
 class SampleInfo:
-    """Contents of an `info.mat`."""
+    """Contents of an `info.mat`.
 
-    # (N, 72) float64 axis-angle in radians; the root rotation includes the turn from Y up to Z up.
+    Attributes:
+        poses: (N, 72) float64 axis-angle in radians; the root rotation includes the turn from Y up
+            to Z up.
+        trans: (N, 3) float64 world position of the root joint in metres.
+        shape: (10,) float64 shape coefficients.
+        gender: "female" or "male".
+        zrot: rotation of the whole scene about +Z in radians.
+        outfit: garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing
+            (test sets of the original), and only textures of type "color" have `data`.
+        tightness: (2,) float64, or None if the file has none.
+        camera_location: (3,) float64 in metres, or None.
+        lights: {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or
+            {"type": "sun", "data": {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
+    """
+
     poses: np.ndarray
-    trans: np.ndarray  # (N, 3) float64 world position of the root joint in metres
-    shape: np.ndarray  # (10,) float64 shape coefficients
-    gender: str  # "female" or "male"
-    zrot: float = 0.0  # rotation of the whole scene about +Z in radians
-    # Garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing (test sets
-    # of the original), and only textures of type "color" have `data`.
+    trans: np.ndarray
+    shape: np.ndarray
+    gender: str
+    zrot: float = 0.0
     outfit: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    tightness: np.ndarray | None = None  # (2,) float64, or None if the file has none
-    camera_location: np.ndarray | None = None  # (3,) float64 in metres, or None
-    # {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or {"type": "sun", "data":
-    # {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
+    tightness: np.ndarray | None = None
+    camera_location: np.ndarray | None = None
     lights: Mapping[str, Any] | None = None
 
 

@@ -7,21 +7,13 @@ SMALLER, LARGER = "smaller", "larger"
 
 
 class Metric(NamedTuple):
-    """A metric.
+    """A metric."""
 
-    Attributes:
-        unit: shown, such as "%"; nothing for shares and counts as they are stored.
-        title: without the unit.
-        digits: shown after the point.
-        scale: from the stored to the shown number, such as 100 for per cent.
-        better: `SMALLER` or `LARGER`, or nothing where neither is.
-    """
-
-    unit: str
-    title: str
-    digits: int = 1
-    scale: float = 1.0
-    better: str = SMALLER
+    unit: str  # shown, such as "%"; nothing for shares and counts as they are stored
+    title: str  # without the unit
+    digits: int = 1  # shown after the point
+    scale: float = 1.0  # from the stored to the shown number, such as 100 for per cent
+    better: str = SMALLER  # `SMALLER` or `LARGER`, or nothing where neither is
 
     @property
     def heading(self) -> str:
@@ -45,16 +37,9 @@ class Variant(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Measures of a garment: at rest, in one frame, or over a whole sequence.
+    """Measures of a garment: at rest, in one frame, or over a whole sequence."""
 
-    Attributes:
-        group: name of what makes values dependent, such as the outfit or the sequence.
-        garment: its type, or its class.
-        measures: metric -> value; NaN where a metric is not defined.
-        source: cloth solver that moved the garment, if one did.
-    """
-
-    group: str
-    garment: str
-    measures: Mapping[str, float]
-    source: str = ""
+    group: str  # name of what makes values dependent, such as the outfit or the sequence
+    garment: str  # its type, or its class
+    measures: Mapping[str, float]  # metric -> value; NaN where a metric is not defined
+    source: str = ""  # cloth solver that moved the garment, if one did

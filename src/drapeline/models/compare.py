@@ -77,7 +77,6 @@ def compare_representations(
     Args:
         garments: of `split`.
         split: named in the rows.
-        seed: of the intervals.
     """
     tables = []
     for representation in representations:
@@ -165,10 +164,7 @@ def compare_scan_fits(
     all of them know.
 
     Args:
-        scans: to fit.
-        fitter: of a model.
         split: of the samples, named in the rows.
-        seed: of the intervals, which are over samples.
 
     Returns:
         Rows, and scan's name -> fits.
@@ -201,7 +197,6 @@ def compare(job: Job, representations: Iterable[Representation]) -> None:
     Args:
         job: its input has `data`, the static garments, and `outfits`, the same as they were made;
             its params `garments`, `split` and `seed`.
-        representations: of the model.
     """
     given, params = job.input, job.params
     outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
@@ -216,7 +211,6 @@ def fit_scans(job: Job, fitter: ScanFitter, bodies: Mapping[str, BodyModel]) -> 
     Args:
         job: its input has `scans`, and `samples` that they were taken of; its params `split` and
             `seed`.
-        fitter: of the model.
         bodies: by gender.
     """
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
@@ -254,7 +248,6 @@ def body_rows(
         states: variant -> the body of each scan.
         bodies: by gender.
         split: of the samples, named in the rows.
-        seed: of the intervals, which are over samples.
     """
     rows = []
     for variant, every in states.items():

@@ -32,9 +32,6 @@ class Representation(Protocol):
     def rebuild(self, garments: Sequence[HeldOutGarment]) -> Iterator[Mesh]:
         """Hold each garment in this way and give it back, in the same frame.
 
-        Args:
-            garments: to rebuild, in this order.
-
         Returns:
             A triangle mesh per garment, in any topology; without faces if nothing is left of it,
             which leaves the garment out of the means.
@@ -49,10 +46,6 @@ class ScanFitter(Protocol):
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> Mapping[str, Mapping[str, Mesh]]:
         """The garments in a scan, in each of the ways that the model has.
-
-        Args:
-            scan: segmented.
-            body: fitted to it.
 
         Returns:
             Variant, which no other model has -> garment type -> posed triangles in the scan's

@@ -71,18 +71,27 @@ SOLES_BY_SIDE = (SOLES[_ON_THE_LEFT], SOLES[~_ON_THE_LEFT])
 
 @dataclass(frozen=True)
 class FloorReport:
-    """Contact of a motion with the floor z = 0, on the reference skeleton."""
+    """How well a motion stands on the floor z = 0, on the reference skeleton.
 
-    # Mean horizontal travel from one frame to the next of the points that a resting foot stands on.
+    Attributes:
+        sliding_mm_per_frame: mean horizontal travel from one frame to the next of the points
+            that a resting foot stands on.
+        near_floor_mm_per_frame: the same of every sole point that is within 3 cm of the floor
+            and not swinging; pivots and feet about to lift count here.
+        resting: share of frames in which a foot rests, over both feet.
+        penetration_mean_mm: mean depth of the lowest point below the floor, over all frames.
+        penetration_max_mm: largest such depth.
+        floating_mean_mm: mean height of the lowest point in frames where the body is supported.
+        supported: share of frames in which something rests on the floor.
+    """
+
     sliding_mm_per_frame: float
-    # The same of every sole point that is within 3 cm of the floor and not swinging; pivots and
-    # feet about to lift count here.
     near_floor_mm_per_frame: float
-    resting: float  # share of frames in which a foot rests, over both feet
-    penetration_mean_mm: float  # mean depth of the lowest point below the floor, over all frames
-    penetration_max_mm: float  # largest such depth
-    floating_mean_mm: float  # mean height of the lowest point in frames where the body is supported
-    supported: float  # share of frames in which something rests on the floor
+    resting: float
+    penetration_mean_mm: float
+    penetration_max_mm: float
+    floating_mean_mm: float
+    supported: float
 
 
 def touch_points(

@@ -51,24 +51,15 @@ class Take:
     """A captured motion on its own skeleton, before retargeting.
 
     The skeleton's rest pose is where every global rotation is the identity, as in a BVH file.
-
-    Attributes:
-        source: file the take was read from; named in errors.
-        names: joint names, parents before children.
-        parents: (J,) int, -1 for the root.
-        offsets: (J, 3) rest position of each joint from its parent, in the file's unit.
-        rotations: (N, J, 3, 3) global rotation of each joint away from the rest pose.
-        positions: (N, J, 3) joint positions in the file's unit.
-        times_s: (N,) strictly increasing seconds.
     """
 
-    source: str
-    names: tuple[str, ...]
-    parents: np.ndarray
-    offsets: np.ndarray
-    rotations: np.ndarray
-    positions: np.ndarray
-    times_s: np.ndarray
+    source: str  # file the take was read from; named in errors
+    names: tuple[str, ...]  # joint names, parents before children
+    parents: np.ndarray  # (J,) int, -1 for the root
+    offsets: np.ndarray  # (J, 3) rest position of each joint from its parent, in the file's unit
+    rotations: np.ndarray  # (N, J, 3, 3) global rotation of each joint away from the rest pose
+    positions: np.ndarray  # (N, J, 3) joint positions in the file's unit
+    times_s: np.ndarray  # (N,) strictly increasing seconds
 
     def rest_positions(self) -> np.ndarray:
         """(J, 3) joint positions of the rest pose, root at the origin."""

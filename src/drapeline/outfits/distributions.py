@@ -14,72 +14,46 @@ class OutfitRanges:
     Shares run along a body part from 0 to 1, so both genders use the same ones; distances are for
     a torso of 0.53 m from crotch to shoulder and grow with it. Widths at x = 0 are in diameters of
     the bare limb there.
-
-    Attributes:
-        sleeve_length: shoulder (0) to wrist (1).
-        sleeve_alpha1, sleeve_alpha2, sleeve_offset, sleeve_w0: equation 1 along the arm; the
-            offset is a share of the sleeve.
-        hem: waist (0) to crotch (1), of t-shirts and tops.
-        ease_m, flare: room around the chest, and what the hem adds per metre.
-        shaping: how fast cloth comes back to the body below the chest, metres per metre.
-        drop_m: underarm below the body's armpit, garments with sleeves.
-        neck_width_m, neck_depth_crew_m, neck_depth_v_m, neck_depth_scoop_m, neck_depth_back_m:
-            half width and depths of the neckline.
-        open_chance, polo_chance: t-shirts that open all the way, or a part of it.
-        placket_m: length of a polo's opening.
-        strap_m, strap_neck_m, top_drop_m, scye_m: width of a top's straps, half the distance
-            between them, depth of its armholes and how far they curve inwards.
-        waist: hip joint (0) to waist (1), upper end of trousers and skirts.
-        sewn_waist: likewise, where full-body garments are sewn together.
-        leg_length: crotch (0) to ankle (1).
-        leg_alpha1, leg_alpha2, leg_offset, leg_w0: equation 1 along the leg.
-        rise_m, hip_ease_m: crotch below the body's, room around the hips.
-        skirt_length: hip (0) to ankle (1).
-        skirt_alpha1: equation 1 along the body's axis; alpha2 is 0.
-        skirt_flutes, skirt_fullness: folds per metre of hem, and their depth.
-        fullness: excess of cloth around the body in shares, which lies in soft folds.
-        tightness: both terms of gamma.
-        elastic_chance: for sleeves, for legs, and for the waist of full-body garments.
     """
 
-    sleeve_length: Range = (0.2, 1.0)
-    sleeve_alpha1: Range = (-0.22, -0.02)
+    sleeve_length: Range = (0.2, 1.0)  # shoulder (0) to wrist (1)
+    sleeve_alpha1: Range = (-0.22, -0.02)  # this and the next three: equation 1 along the arm
     sleeve_alpha2: Range = (0.05, 0.5)
-    sleeve_offset: Range = (0.3, 1.0)
+    sleeve_offset: Range = (0.3, 1.0)  # a share of the sleeve
     sleeve_w0: Range = (1.35, 1.8)
-    hem: Range = (0.1, 1.0)
-    ease_m: Range = (0.004, 0.022)
-    flare: Range = (0.0, 0.08)
-    shaping: Range = (0.04, 0.22)
-    drop_m: Range = (0.02, 0.045)
-    neck_width_m: Range = (0.078, 0.098)
+    hem: Range = (0.1, 1.0)  # waist (0) to crotch (1), of t-shirts and tops
+    ease_m: Range = (0.004, 0.022)  # room around the chest
+    flare: Range = (0.0, 0.08)  # what the hem adds to it per metre
+    shaping: Range = (0.04, 0.22)  # how fast it comes back to the body below the chest, m per m
+    drop_m: Range = (0.02, 0.045)  # underarm below the body's armpit, garments with sleeves
+    neck_width_m: Range = (0.078, 0.098)  # half of it
     neck_depth_crew_m: Range = (0.06, 0.085)
     neck_depth_v_m: Range = (0.11, 0.19)
     neck_depth_scoop_m: Range = (0.1, 0.17)
     neck_depth_back_m: Range = (0.015, 0.035)
-    open_chance: float = 0.18
-    polo_chance: float = 0.2
-    placket_m: Range = (0.08, 0.16)
-    strap_m: Range = (0.025, 0.055)
-    strap_neck_m: Range = (0.085, 0.105)
-    top_drop_m: Range = (0.0, 0.035)
-    scye_m: Range = (0.005, 0.03)
-    waist: Range = (0.45, 1.0)
-    sewn_waist: Range = (0.8, 1.0)
-    leg_length: Range = (0.12, 1.0)
-    leg_alpha1: Range = (-0.16, -0.03)
+    open_chance: float = 0.18  # of t-shirts that open all the way
+    polo_chance: float = 0.2  # of t-shirts that open for a part of it
+    placket_m: Range = (0.08, 0.16)  # length of a polo's opening
+    strap_m: Range = (0.025, 0.055)  # width of a top's straps
+    strap_neck_m: Range = (0.085, 0.105)  # half the distance between them
+    top_drop_m: Range = (0.0, 0.035)  # depth of a top's armholes
+    scye_m: Range = (0.005, 0.03)  # how far they curve inwards
+    waist: Range = (0.45, 1.0)  # hip joint (0) to waist (1), upper end of trousers and skirts
+    sewn_waist: Range = (0.8, 1.0)  # likewise, where full-body garments are sewn together
+    leg_length: Range = (0.12, 1.0)  # crotch (0) to ankle (1)
+    leg_alpha1: Range = (-0.16, -0.03)  # this and the next three: equation 1 along the leg
     leg_alpha2: Range = (0.05, 0.45)
     leg_offset: Range = (0.35, 1.0)
     leg_w0: Range = (1.1, 1.4)
-    rise_m: Range = (0.015, 0.05)
-    hip_ease_m: Range = (0.0, 0.015)
-    skirt_length: Range = (0.3, 0.95)
-    skirt_alpha1: Range = (0.15, 0.75)
-    skirt_flutes: Range = (5.0, 11.0)
-    skirt_fullness: Range = (0.02, 0.06)
-    fullness: Range = (0.0, 0.012)
-    tightness: Range = (-1.5, 0.5)
-    elastic_chance: float = 0.5
+    rise_m: Range = (0.015, 0.05)  # crotch below the body's
+    hip_ease_m: Range = (0.0, 0.015)  # room around the hips
+    skirt_length: Range = (0.3, 0.95)  # hip (0) to ankle (1)
+    skirt_alpha1: Range = (0.15, 0.75)  # equation 1 along the body's axis; alpha2 is 0
+    skirt_flutes: Range = (5.0, 11.0)  # folds per metre of hem
+    skirt_fullness: Range = (0.02, 0.06)  # their depth
+    fullness: Range = (0.0, 0.012)  # excess of cloth around the body, as a share, in soft folds
+    tightness: Range = (-1.5, 0.5)  # both terms of gamma
+    elastic_chance: float = 0.5  # for sleeves, for legs, and for the waist of full-body garments
 
 
 def uniform(rng: np.random.Generator, span: Range) -> float:

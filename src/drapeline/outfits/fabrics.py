@@ -5,23 +5,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fabric:
-    """A fabric, whatever the mesh and the solver that it is simulated with.
+    """A fabric, whatever the mesh and the solver that it is simulated with."""
 
-    Attributes:
-        density_kg_m2: mass per area.
-        stretch_n_per_m: tension per width and strain along the threads; also of threads laid along
-            the diagonals, so that cloth resists shear.
-        bending_n_m: bending moment per width and curvature.
-        damping_kg_s: tension per width and rate of strain, N/m over 1/s.
-        drag_kg_m2_s: force of still air per area and speed, N/m2 over m/s.
-        upper_garments: whether t-shirts and tops may be made of it; all other garments may.
-    """
-
-    density_kg_m2: float
+    density_kg_m2: float  # mass per area
+    # Tension per width and strain along the threads; also of threads laid along the diagonals, so
+    # that cloth resists shear.
     stretch_n_per_m: float
-    bending_n_m: float
-    damping_kg_s: float
-    drag_kg_m2_s: float = 0.3
+    bending_n_m: float  # bending moment per width and curvature
+    damping_kg_s: float  # tension per width and rate of strain, N/m over 1/s
+    drag_kg_m2_s: float = 0.3  # force of still air per area and speed, N/m2 over m/s
+    # Whether t-shirts and tops may be made of it; all other garments may.
     upper_garments: bool = True
 
 

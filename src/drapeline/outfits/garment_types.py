@@ -9,18 +9,13 @@ from drapeline.errors import InputError
 
 @dataclass(frozen=True)
 class GarmentType:
-    """Parts and wear of the garments of a type.
+    """Parts and wear of the garments of a type."""
 
-    Attributes:
-        region: of the body that they cover. Upper garments are worn over lower ones, whose
-            waistband is held; garments for the whole body are sewn together at the waist.
-        skirt: whether they have one tube for both legs.
-        sleeve_chance: the probability of sleeves; without sleeves they have straps.
-    """
-
+    # Of the body that they cover. Upper garments are worn over lower ones, whose waistband is held;
+    # garments for the whole body are sewn together at the waist.
     region: Literal["upper", "lower", "whole"]
-    skirt: bool = False
-    sleeve_chance: float = 0.0
+    skirt: bool = False  # whether they have one tube for both legs
+    sleeve_chance: float = 0.0  # the probability of sleeves; without sleeves they have straps
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -11,25 +11,17 @@ from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 @dataclass(frozen=True)
 class Garment:
-    """A garment in rest pose on a body.
+    """A garment in rest pose on a body."""
 
-    Attributes:
-        name: one of `GARMENTS`.
-        vertices: (V, 3) float32 metres, root-relative, Z up.
-        faces: (F, 4) int32.
-        uv, uv_faces: (T, 2) float32 in [0, 1] and (F, 4) int32.
-        pin: (V,) float32, 1 where the waistband is held.
-        elastic: (V,) float32, 1 on ends that are gathered.
-        attributes: what goes into the JSON file: fabric, elastic, texture, parameters.
-    """
-
-    name: str
-    vertices: np.ndarray
-    faces: np.ndarray
+    name: str  # one of `GARMENTS`
+    vertices: np.ndarray  # (V, 3) float32 metres, root-relative, Z up
+    faces: np.ndarray  # (F, 4) int32
+    # uv, uv_faces: (T, 2) float32 in [0, 1] and (F, 4) int32.
     uv: np.ndarray
     uv_faces: np.ndarray
-    pin: np.ndarray
-    elastic: np.ndarray
+    pin: np.ndarray  # (V,) float32, 1 where the waistband is held
+    elastic: np.ndarray  # (V,) float32, 1 on ends that are gathered
+    # What goes into the JSON file: fabric, elastic, texture, parameters.
     attributes: dict[str, Any] = field(default_factory=dict)
 
 

@@ -64,17 +64,12 @@ TEMPLATE_NUMBERS = {
 
 @dataclass(frozen=True)
 class Templates:
-    """One gender's dress form, the uncut garments on it, and which body they were made for.
+    """One gender's dress form, the uncut garments on it, and which body they were made for."""
 
-    Attributes:
-        form: the dress form that garments are cut on.
-        garments: "Tshirt", "Top", "Trousers" and "Skirt" in full length, at 1 cm edges.
-        body_name: name of the body model.
-    """
-
-    form: DressForm
+    form: DressForm  # the dress form that garments are cut on
+    # "Tshirt", "Top", "Trousers" and "Skirt" in full length, at 1 cm edges.
     garments: dict[str, Mesh]
-    body_name: str
+    body_name: str  # name of the body model
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""

@@ -11,13 +11,9 @@ COLUMNS = ("garment", "name", "metric", "value", "unit")
 
 
 class Measure(NamedTuple):
-    """An error of one garment.
+    """An error of one garment."""
 
-    Attributes:
-        metric: name, with its unit.
-    """
-
-    metric: str
+    metric: str  # name, with its unit
     value: float
     unit: str
 

@@ -12,15 +12,11 @@ class Camera:
     """A pinhole camera.
 
     Pixel (column i, row j) covers image coordinates [i, i + 1) x [j, j + 1).
-
-    Attributes:
-        intrinsics: (3, 3), focal lengths and principal point in pixels.
-        world_to_camera: (4, 4), world metres to camera metres.
-        width, height: of the picture in pixels.
     """
 
-    intrinsics: np.ndarray
-    world_to_camera: np.ndarray
+    intrinsics: np.ndarray  # (3, 3), focal lengths and principal point in pixels
+    world_to_camera: np.ndarray  # (4, 4), world metres to camera metres
+    # width, height: of the picture in pixels.
     width: int
     height: int
 

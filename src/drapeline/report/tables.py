@@ -84,30 +84,23 @@ class MetricTable:
 
     A paper's numbers stand in columns of their own, named and shaded as theirs. The best number of
     a column is green, or bold in Markdown, where two or more compete.
-
-    Attributes:
-        variants: of the rows, in order; a name that ends in `*` stands for all that begin like it,
-            by rising number.
-        garments: likewise; "all" for all types together.
-        down: what the rows are: of "variant", "garment", "metric" and "source".
-        across: what the columns are: "metric", "garment" or "source", which is the cloth solver.
-        best: whether the best are marked.
-        digits: metric -> digits in place of its own.
-        count: heading of the number of garments, frames or sequences; nothing for none.
-        printed: a paper's numbers.
-        paper: its name.
     """
 
+    # Of the rows, in order; a name that ends in `*` stands for all that begin like it, by rising
+    # number.
     variants: Sequence[str]
     metrics: Sequence[str]
-    garments: Sequence[str] = (ALL,)
+    garments: Sequence[str] = (ALL,)  # likewise; "all" for all types together
+    # What the rows are: of "variant", "garment", "metric" and "source".
     down: Sequence[str] = ("variant",)
+    # What the columns are: "metric", "garment" or "source", which is the cloth solver.
     across: str = "metric"
-    best: bool = True
-    digits: Mapping[str, int] = field(default_factory=dict)
+    best: bool = True  # whether the best are marked
+    digits: Mapping[str, int] = field(default_factory=dict)  # metric -> digits in place of its own
+    # Heading of the number of garments, frames or sequences; nothing for none.
     count: str = "Garments"
-    printed: Table | None = None
-    paper: str = ""
+    printed: Table | None = None  # a paper's numbers
+    paper: str = ""  # its name
 
     def rows(self, measured: Table) -> list[dict[str, object]]:
         """Rows of cells, for `html_table` or `markdown_table`."""

@@ -20,19 +20,14 @@ _LIMB_M = 0.5
 
 @dataclass(frozen=True)
 class Attempt:
-    """Settings of one attempt.
+    """Settings of one attempt."""
 
-    Attributes:
-        steps: steps per frame, as a measure of quality: CLOTH3D took 14 to 20 of Blender,
-            and a solver of smaller steps takes more of its own in proportion.
-        gap_m: distance that cloth keeps from the body, from other garments and from itself.
-        collider_share: of the body's triangles to collide with.
-        shape_frames, pose_frames, floor: as in `SimulationSettings`.
-    """
-
+    # Steps per frame, as a measure of quality: CLOTH3D took 14 to 20 of Blender, and a solver of
+    # smaller steps takes more of its own in proportion.
     steps: int
-    gap_m: float
-    collider_share: float
+    gap_m: float  # distance that cloth keeps from the body, from other garments and from itself
+    collider_share: float  # of the body's triangles to collide with
+    # shape_frames, pose_frames, floor: as in `SimulationSettings`.
     shape_frames: int
     pose_frames: int
     floor: bool
@@ -90,23 +85,16 @@ def _joint_speeds(poses: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ClothGarment:
-    """A garment in frame 0: at rest, on the body that it was made for.
+    """A garment in frame 0: at rest, on the body that it was made for."""
 
-    Attributes:
-        name: of its type, unique within an outfit.
-        vertices: (V, 3) float32 world metres; lengths and angles at rest are those between them.
-        faces: (F, 4) or (F, 3) int32, outward.
-        shrink: (V,) 0-1, share by which elastics shorten the rest lengths at a vertex.
-        pins: vertices that are held, none where nothing but friction holds the garment.
-    """
-
-    name: str
+    name: str  # of its type, unique within an outfit
+    # (V, 3) float32 world metres; lengths and angles at rest are those between them.
     vertices: np.ndarray
-    faces: np.ndarray
+    faces: np.ndarray  # (F, 4) or (F, 3) int32, outward
     edge_length_m: float
     fabric: Fabric
-    shrink: np.ndarray
-    pins: Pins
+    shrink: np.ndarray  # (V,) 0-1, share by which elastics shorten the rest lengths at a vertex
+    pins: Pins  # vertices that are held, none where nothing but friction holds the garment
 
 
 class ClothSolver(Protocol):

@@ -25,19 +25,12 @@ _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thr
 
 @dataclass(frozen=True)
 class Springs:
-    """Springs between vertices.
+    """Springs between vertices."""
 
-    Attributes:
-        pairs: (S, 2) int, numbers of vertices.
-        lengths_m: (S,) at rest.
-        stiffness_n_m: (S,) force per change of length.
-        damping_kg_s: (S,) force per rate of change.
-    """
-
-    pairs: np.ndarray
-    lengths_m: np.ndarray
-    stiffness_n_m: np.ndarray
-    damping_kg_s: np.ndarray
+    pairs: np.ndarray  # (S, 2) int, numbers of vertices
+    lengths_m: np.ndarray  # (S,) at rest
+    stiffness_n_m: np.ndarray  # (S,) force per change of length
+    damping_kg_s: np.ndarray  # (S,) force per rate of change
 
 
 @dataclass(frozen=True)

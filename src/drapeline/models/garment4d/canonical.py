@@ -83,12 +83,7 @@ def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
 
 
 class Segmentation(nn.Module):
-    """PointNet++ with three abstractions and propagations: features and logits of every point.
-
-    Args:
-        settings: sizes.
-        rng: source of the initial weights.
-    """
+    """PointNet++ with three abstractions and propagations: features and logits of every point."""
 
     def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
         super().__init__()
@@ -146,7 +141,6 @@ def abstract_levels(
     The farthest points of farthest points are the first of them, so one search serves all levels.
 
     Args:
-        level: all points.
         down: abstractions, finest first.
         centres: how many points each of them keeps.
         searches: of this part of the network.
@@ -161,14 +155,7 @@ def abstract_levels(
 
 
 class ShapeEncoder(nn.Module):
-    """From the points of a garment in T frames to its coefficients.
-
-    Args:
-        inputs: features per point.
-        components: D.
-        settings: sizes.
-        rng: source of the initial weights.
-    """
+    """From the points of a garment in T frames, `inputs` features each, to its D coefficients."""
 
     def __init__(
         self, inputs: int, components: int, layers: CanonicalLayers, rng: torch.Generator
@@ -205,7 +192,6 @@ class _ShapeNetwork(nn.Module):
 
     Args:
         space: G and C of the garment's type.
-        settings: sizes.
 
     Attributes:
         regression: estimates the initial alpha of body-relative points; None without such points.
@@ -273,14 +259,7 @@ class _ShapeNetwork(nn.Module):
 
 
 class CanonicalNetwork(_ShapeNetwork):
-    """Segments every cloud, and estimates alpha from the points labelled as the garment's.
-
-    Args:
-        settings: sizes.
-        space: G and C of the garment's type.
-        label: the type's index in `dataset.labels.LABELS`.
-        rng: source of the initial weights.
-    """
+    """Segments clouds, and estimates alpha from the points whose label is the garment type's."""
 
     def __init__(
         self, settings: CanonicalSettings, space: GarmentSpace, label: int, rng: torch.Generator
@@ -334,13 +313,7 @@ class CanonicalNetwork(_ShapeNetwork):
 
 
 class PointNetRegressor(_ShapeNetwork):
-    """Baseline PN++ of table 2: alpha from all points, whatever their label.
-
-    Args:
-        settings: sizes; those of the segmentation are not used.
-        space: G and C of the garment's type.
-        rng: source of the initial weights.
-    """
+    """Baseline PN++ of table 2: alpha from all points, whatever their label."""
 
     def __init__(
         self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator

@@ -33,12 +33,7 @@ _SMALL_M = 1e-9
 
 
 class SurfaceSample:
-    """A fixed subset of a body's vertices, with the exact normals of the whole body there.
-
-    Args:
-        body: in SMPL's format.
-        chosen: (M,) vertex ids, kept as an attribute.
-    """
+    """Fixed vertices (M,) of a body with the exact normals of the whole body there."""
 
     def __init__(self, body: BodyModel, chosen: np.ndarray) -> None:
         faces = body.faces[np.isin(body.faces, chosen).any(axis=1)]
@@ -135,12 +130,7 @@ class BodySet:
 
 
 class BodySequences:
-    """Sequences of a garment type with the bodies that move in them.
-
-    Args:
-        data: the sequences.
-        bodies: of both genders.
-    """
+    """Sequences of a garment type with the bodies, of both genders, that move in them."""
 
     def __init__(self, data: SequenceData, bodies: BodySet) -> None:
         self.data, self.bodies = data, bodies
@@ -352,14 +342,7 @@ class DressedSequences(BodySequences):
 def skinning_weights(
     body: ShapedBody, canonical: np.ndarray, faces: np.ndarray, settings: SkinningSettings
 ) -> np.ndarray:
-    """(N, 24) float32 weights of a canonical garment, interpolated from a body's (equation 2).
-
-    Args:
-        body: that wears it.
-        canonical: (N, 3) garment in the rest pose.
-        faces: (E, 3) of the garment.
-        settings: of the interpolation.
-    """
+    """(N, 24) float32 weights of a canonical garment (N, 3), from a body's (equation 2)."""
     return interpolated_weights(
         canonical,
         faces,
@@ -400,13 +383,9 @@ def propose_garment(
 def training_worn_statistics(
     sequences: BodySequences, skinning: SkinningSettings
 ) -> WornGarmentStatistics | None:
-    """Statistics of the simulated training sequences of a type; None where there are none.
+    """Statistics of a type's simulated training sequences against proposals; None without any.
 
     Static outfits in motion follow their skinning, so they would tell nothing of cloth.
-
-    Args:
-        sequences: of the type.
-        skinning: of the proposals that garments are compared with.
     """
     data = sequences.data
     chosen = data.of_split("train", (SIMULATED,))

@@ -64,10 +64,7 @@ class SplitEvaluation:
     """Measures of all variants on one split, sequence by sequence.
 
     Args:
-        sequences: of one type.
         split: "train", "val" or "test".
-        settings: see there.
-        refining: of our last step.
         worn_statistics: of the training sequences, see `training_worn_statistics`.
 
     Raises:
@@ -361,11 +358,8 @@ def evaluate(
     Ablations, sweeps and noisy bodies are for the test split alone.
 
     Args:
-        sequences: of the type.
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        splits: to evaluate.
-        settings, refining: see there.
         worn_statistics: of the training sequences, see `training_worn_statistics`.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.

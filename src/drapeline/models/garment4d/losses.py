@@ -65,12 +65,7 @@ class CotangentLaplacian(_Laplacian):
 
 
 class UniformLaplacian(_Laplacian):
-    """Takes each vertex to its offset to the mean of its neighbours.
-
-    Args:
-        faces: (F, 3).
-        count: N.
-    """
+    """Takes each of N vertices to its offset to the mean of its neighbours; faces are (F, 3)."""
 
     def __init__(self, faces: np.ndarray, count: int) -> None:
         super().__init__(averaging_matrix(faces, count) - sparse.identity(count))
@@ -102,11 +97,9 @@ def roughness(laplacian: UniformLaplacian, vertices: torch.Tensor) -> torch.Tens
 
 
 def temporal_difference(vertices: torch.Tensor, form: str = "paper") -> torch.Tensor:
-    """Movement of vertices between frames, mean over vertices and steps (equation 8).
+    """Movement of vertices (B, T, N, 3) between frames, mean over vertices and steps (equation 8).
 
-    Args:
-        vertices: (B, T, N, 3) metres; 0 where T is 1.
-        form: "paper": squared distance; "released": distance.
+    It is the distance in the form "released", and its square in "paper"; 0 where T is 1.
     """
     if vertices.shape[1] < 2:
         return vertices.new_zeros(())
@@ -149,8 +142,6 @@ def canonical_loss(
         canonical: (B, N, 3) true canonical garments, metres.
         body: (B, M, 3) vertices of the bodies in the rest pose, metres.
         body_normals: (B, M, 3) their outward unit normals.
-        laplacian: of the garment's mesh.
-        weights: of the terms.
         label_weights: (L,) of points by true label, see `balance_labels`; None for equal ones.
 
     Returns:
@@ -189,7 +180,6 @@ def posed_loss(
         target: (B, T, N, 3).
         body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
         laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
-        weights: of the terms.
 
     Returns:
         `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over

@@ -20,9 +20,6 @@ class Garment4dFiles:
     """Files that Garment4D has of its own, by what they hold.
 
     Patterns have `{group}` and `{shard}`.
-
-    Args:
-        files: of the experiment.
     """
 
     def __init__(self, files: ExperimentFiles) -> None:

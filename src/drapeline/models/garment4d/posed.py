@@ -30,11 +30,9 @@ class PosedNetwork(nn.Module):
     Starts as the identity: untrained it returns the proposal, apart from the pull of the points.
 
     Args:
-        settings: sizes.
         faces: (F, 3) of the template.
         vertex_count: N.
         level_channels: features per point of each level of garment points.
-        rng: source of the initial weights.
     """
 
     def __init__(
@@ -139,7 +137,6 @@ class GraphLayers(nn.Module):
         inputs: features per vertex.
         hidden: features of the layers between.
         layers: how many, the last one included.
-        rng: source of the initial weights.
     """
 
     def __init__(self, inputs: int, hidden: int, layers: int, rng: torch.Generator) -> None:
@@ -173,7 +170,6 @@ class FrameAttention(nn.Module):
     Args:
         width: features per vertex.
         per_vertex: whether each vertex has an attention of its own.
-        rng: source of the initial weights.
     """
 
     def __init__(self, width: int, per_vertex: bool, rng: torch.Generator) -> None:
@@ -214,10 +210,8 @@ class MgnNetwork(nn.Module):
     vertex (K = 1), as in SMPL+D. Untrained, it is skinning alone.
 
     Args:
-        settings: sizes.
         vertex_count: N.
         level_channels: features per point of each level, of which the last is used.
-        rng: source of the initial weights.
     """
 
     def __init__(

@@ -83,10 +83,8 @@ def estimate(
     """The canonical garment of a whole sequence.
 
     Args:
-        stage: trained.
         points: (F, P, 3) clouds, metres, root frame.
         poses: (F, 72) rad; used by stages with `body_relative_points` alone.
-        body: of known shape.
         frames: T of a window; that of the stage's training if None.
         stride: from one window to the next, at most T; T if None.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
@@ -130,7 +128,6 @@ def reconstruct(
         stage: trained; it holds the canonical network.
         points: (F, P, 3) clouds, metres, root frame.
         poses: (F, 72) rad.
-        body: of known shape.
         stride: from one window to the next, at most T; T if None. The last window is shifted back
             to end with the sequence.
         skinning: of the proposals, where not as in training.
@@ -264,7 +261,6 @@ def refine(
         points, poses, body: that it was made from.
         label: the garment's code in `LABELS`.
         faces: (E, 3) of the template.
-        settings: weights.
         worn_statistics: of the type's training sequences, see `training_worn_statistics`.
 
     Returns:
@@ -311,8 +307,6 @@ def build_reconstruction(
 
     Args:
         made: with labels.
-        name: of the sequence.
-        garment: type.
         faces: (E, 3) of its template.
         points, poses, body: that it was made from.
         number: (F,) of the frames.
@@ -371,7 +365,6 @@ class ReconstructionModel:
 
     Attributes:
         folder: with the checkpoint.
-        garment: the type.
         stage: trained networks.
         bodies: of both genders.
         points: of a cloud that the networks were trained on.
@@ -415,7 +408,6 @@ class ReconstructionModel:
                 leaves it out.
             least_share: of the points that have to be taken for the garment; with fewer, the
                 networks would return little more than the mean garment.
-            seed: of the choice of points.
 
         Raises:
             InputError: arrays have other shapes or are not finite, the clouds are not near the
@@ -457,8 +449,6 @@ class ReconstructionModel:
         Args:
             scans: with the body.
             refining: of our last step; None leaves it out.
-            name: of the scans, for errors.
-            seed: of the choice of points.
             least_share: of the points that have to be taken for the garment.
 
         Raises:
@@ -497,9 +487,7 @@ def check_labels(
     """Refuse scans in which the network finds no such garment: it would return the mean garment.
 
     Args:
-        name: of the scans.
         chosen: (F, P) bool, the points that it labels as the garment's.
-        garment: its type.
         least_share: of them among all points.
 
     Raises:

@@ -14,12 +14,7 @@ from drapeline.registration.to_template.remesh import RemeshTable, load_tables, 
 
 
 class RegisteredTemplate:
-    """No code: the template as registered to the garment.
-
-    Args:
-        spaces: type -> principal components of template vertices.
-        tables: type -> outfit -> where the template lies on its garment.
-    """
+    """No code: the template as registered to the garment, by tables of its type and outfit."""
 
     variant = "template_registered"
 

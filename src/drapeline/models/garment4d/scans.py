@@ -77,8 +77,6 @@ class Garment4dScanFitter:
 
     Args:
         models: trained, of the types that they know.
-        settings: of the fit of components.
-        seed: of the points that are chosen.
     """
 
     def __init__(
@@ -155,15 +153,6 @@ def fit_template(
     Points come to lie on the garment, and vertices on the points, but for those next to a garment
     that may hide them. Both may slide along the cloth, except where one of them ends before the
     other. Each component has a normal prior, with the variance of training garments.
-
-    Args:
-        space: of the type.
-        scan: with the garment.
-        garment: its type.
-        wearer: model of the wearer's body.
-        body: its state.
-        settings: of the fit.
-        rng: draws points.
     """
     posed_body = follow.pose_body(wearer, body.shape, body.pose, body.trans)
     own = scan.points_of(garment).astype(np.float64)
@@ -251,10 +240,7 @@ def reconstruct_scans(
 
     Args:
         scans: with the body.
-        model: trained.
-        refining: of our last step.
         name: of the scans, for errors and pictures.
-        seed: of the points that the networks are given.
 
     Raises:
         InputError: see `ReconstructionModel.reconstruct_steps`.

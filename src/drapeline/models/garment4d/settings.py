@@ -486,8 +486,7 @@ def posed_variants(
 ) -> dict[str, dict[str, dict[str, Any]]]:
     """Variant -> group -> setting -> value: the full model, and what differs from these settings.
 
-    Args:
-        settings: of the experiment's posed stage, by group; a setting that they lack differs.
+    Settings that these lack differ.
     """
     return {
         name: changes

@@ -74,12 +74,10 @@ class Stage(TrainableModule):
 
     Args:
         settings: of the subclass's `SETTINGS`.
-        space: of the garment type.
         label: the type's index in `LABELS`.
 
     Attributes:
         checkpoint_type: name of the class in checkpoints; also seeds the initial weights.
-        SETTINGS: class of its settings.
         ERROR: name of the error in mm that is logged beside the loss.
         MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
     """
@@ -282,9 +280,7 @@ class PointNetStage(CanonicalStage):
 class PosedStage(Stage):
     """Posed garment reconstruction from proposals, with the loss of equation 7.
 
-    Args:
-        settings: of the stage.
-        canonical: trained, of the same garment type; it is frozen and gives levels of points.
+    The trained canonical stage of the same type is frozen and gives levels of points.
     """
 
     checkpoint_type = "garment4d_posed"
@@ -456,7 +452,6 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
     """A trained stage from the folder that its training left, ready to predict.
 
     Args:
-        folder: of the training.
         expected: the stages that it may hold.
 
     Raises:
@@ -496,13 +491,7 @@ class PosedFiles(NamedTuple):
 
 
 def save_posed_files(folder: Path, sequences: BodySequences, skinning: SkinningSettings) -> None:
-    """Complete the folder of a training.
-
-    Args:
-        folder: of the training.
-        sequences: that the stage was trained on.
-        skinning: of its proposals.
-    """
+    """Complete the folder of a training on sequences and their skinned proposals."""
     bodies = sequences.bodies
     for gender, body in bodies.models.items():
         save_body(folder / _BODIES / f"{gender}.npz", body)

@@ -40,8 +40,6 @@ def train_stage(
 
     Args:
         folder, progress, trainer, threads, complete: see `fit`.
-        stage: with its initial weights.
-        sequences: of its garment type.
         code: digest of the code; a training that was stopped goes on with the same code alone.
     """
     torch.set_num_threads(threads)

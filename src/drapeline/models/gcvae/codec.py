@@ -49,7 +49,6 @@ class GarmentCodec(torch.nn.Module, ABC):
     Attributes:
         checkpoint_type: names the class in its checkpoints.
         model: its name in the table of metrics.
-        SETTINGS: class of its settings.
         resolves_penetration: whether decoded garments in motion are evened out and pushed out of
             the body, which the paper does not do.
     """
@@ -133,11 +132,7 @@ class GarmentCodec(torch.nn.Module, ABC):
         return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
 
     def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
-        """(V, 3, B) metres -> deviations from the mean of `name`, per vertex.
-
-        Args:
-            name: "offset", or what else a subclass has the statistics of.
-        """
+        """(V, 3, B) metres -> deviations, per vertex, from the mean of `name`, such as "offset"."""
         mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
         return (x - mean[..., None]) / std[..., None]
 
@@ -180,11 +175,7 @@ _BATCH = 16
 
 
 class Codes(NamedTuple):
-    """Posteriors of (n,) garments.
-
-    Attributes:
-        mean, log_variance: (n, Z) float32.
-    """
+    """Posteriors of (n,) garments: mean and log_variance (n, Z) float32."""
 
     mean: np.ndarray
     log_variance: np.ndarray

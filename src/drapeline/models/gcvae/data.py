@@ -166,13 +166,7 @@ class StaticGarments(Garments, Protocol):
 
 
 class DynamicGarments:
-    """Rows of a `DynamicData` with their conditions, for training, encoding and decoding.
-
-    Args:
-        data: frames.
-        codes: (G, Z) static code z_s of each garment.
-        frames: f, the number of poses in the conditions, 1 to 4.
-    """
+    """Rows of a `DynamicData` with their conditions: up to 4 poses and static codes z_s (G, Z)."""
 
     def __init__(self, data: DynamicData, codes: np.ndarray, frames: int) -> None:
         self.data, self.codes, self.frames = data, codes, frames

@@ -61,14 +61,7 @@ def resolve_points(
     points: np.ndarray,
     poses: np.ndarray,
 ) -> np.ndarray:
-    """Even out the points (n, M, 3) of one garment and push them out of its wearer.
-
-    Args:
-        body: super-resolved, of the wearer's gender.
-        topology: of the super-resolved bodies.
-        points: decoded.
-        poses: (n, 72) rad.
-    """
+    """Even out a garment's points (n, M, 3) in poses (n, 72) rad and push them off its wearer."""
     registered = moving.registered
     index = np.cumsum(registered.mask) - 1  # of a covered vertex among the points
     faces = index[faces_within(topology.faces_of(moving.name), registered.mask)]
@@ -89,9 +82,7 @@ def decode_points_for_display(
 ) -> np.ndarray:
     """Points (n, M, 3) of one garment as pictures show them, out of the body if the model says so.
 
-    Args:
-        topology: of the super-resolved bodies.
-        others: see `decode_points`.
+    See `decode_points`.
     """
     points = decode_points(model, garments, rows, moving, body, z, poses)
     if not model.resolves_penetration:

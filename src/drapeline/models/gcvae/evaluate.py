@@ -65,13 +65,7 @@ def measure_static(
 def static_rows(
     model: GarmentCodec, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
 ) -> Table:
-    """Rows of the table of metrics for a static model.
-
-    Args:
-        codes: (N, Z) of all rows of the dataset.
-        variant: name of the model in the table.
-        splits: to measure on.
-    """
+    """Rows of the table of metrics for a static model and its codes (N, Z) of all rows."""
     tables = []
     for split in splits:
         rows = garments.rows(split)
@@ -97,7 +91,6 @@ def dynamic_rows(
         garments: every frame that is measured.
         held_out: split -> the same garments with their simulation and skinning weights.
         bodies: super-resolved, by gender.
-        topology: of the super-resolved bodies.
         variant: name of the model in the table.
     """
     tables = []

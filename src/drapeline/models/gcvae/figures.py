@@ -67,7 +67,6 @@ def static_cases(
     """The first test garment of each type.
 
     Args:
-        codes: of all rows.
         shards: files of the static outfits.
         bodies: whole bodies, by gender.
 
@@ -117,12 +116,7 @@ def moving_cases(
     bodies: Mapping[str, BodyModel],
     topology: Topology,
 ) -> list[GarmentCase]:
-    """The middle frame of the first garment of each type in motion.
-
-    Args:
-        files: held-out garments first.
-        super_bodies, bodies: super-resolved and whole bodies, by gender.
-    """
+    """The middle frame of the first garment of each type in motion; held-out files come first."""
     cases = []
     for first in first_of_each((file.name, file) for file in files):
         moving = first.load()
@@ -166,7 +160,6 @@ def wrinkle_rows(
     """The rows of figure 10, all from one held-out frame.
 
     Args:
-        rng: draws the codes of the last two rows.
         files: held-out garments first; the one that moves most gives frame, pose and wrinkle code.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
         columns: pictures per row.
@@ -241,17 +234,11 @@ _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
 
 
 class Step(NamedTuple):
-    """A garment on the way.
+    """A garment on the way."""
 
-    Attributes:
-        garment: its likeliest type, one of `GARMENTS`.
-        mesh: as decoded, in rest pose.
-        cvar: (13,) conditions that it was decoded with.
-    """
-
-    garment: str
-    mesh: Mesh
-    cvar: np.ndarray
+    garment: str  # its likeliest type, one of `GARMENTS`
+    mesh: Mesh  # as decoded, in rest pose
+    cvar: np.ndarray  # (13,) conditions that it was decoded with
 
 
 def interpolate(

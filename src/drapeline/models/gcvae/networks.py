@@ -24,11 +24,9 @@ _LOG_VARIANCE_RANGE = (-12.0, 8.0)
 
 
 class Code(NamedTuple):
-    """Output of the encoder for (B,) samples.
+    """Output of the encoder for (B,) samples: mean and log_variance (B, latent) of q(z | X, cvar).
 
-    Attributes:
-        mean, log_variance: (B, latent) of q(z | X, cvar).
-        condition: (B, condition) cvar^z as regressed from the input.
+    The condition (B, condition) is cvar^z as regressed from the input.
     """
 
     mean: torch.Tensor
@@ -226,7 +224,6 @@ class Gcvae(nn.Module):
         size: of the layers.
         inputs: channels per vertex of the encoder.
         mask: whether the decoder has a mask branch.
-        rng: source of the initial weights.
     """
 
     def __init__(
@@ -269,7 +266,6 @@ class ConditioningAutoencoder(nn.Module):
         inputs: size of cvar.
         hidden, middle: widths of the hidden layers and of cvar^z.
         mean, std: (inputs,) of cvar over the training set.
-        rng: source of the initial weights.
     """
 
     def __init__(

@@ -391,11 +391,7 @@ class DynamicPpca(GarmentPpca):
 
 
 def mirror_batch(batch: Batch, mirror: np.ndarray) -> Batch:
-    """Exchange left and right in the offsets and masks of a batch.
-
-    Args:
-        mirror: (V,) vertex on the other side.
-    """
+    """Exchange left and right in the offsets and masks of a batch, by vertices (V,) opposite."""
     flip = np.array([-1, 1, 1], dtype=np.float32)
     return {
         **batch,

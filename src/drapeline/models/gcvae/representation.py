@@ -32,12 +32,7 @@ from drapeline.registration.to_scan import move_to_scan
 
 
 class RegisteredOffsets:
-    """No code: offsets and mask as registered.
-
-    Args:
-        data: registered garments.
-        template: its rest bodies are those that the offsets are added to.
-    """
+    """No code: offsets and mask as registered, on the template's rest bodies."""
 
     variant = "body_registered"
 
@@ -60,11 +55,7 @@ class RegisteredOffsets:
 
 
 class OffsetPca(RegisteredOffsets):
-    """Principal components of the training rows' offsets, and the mask regressed on them.
-
-    Args:
-        components: at most.
-    """
+    """At most so many components of the training offsets, and the mask regressed on them."""
 
     variant = "body_pca"
 
@@ -82,12 +73,7 @@ class OffsetPca(RegisteredOffsets):
 
 
 class VaeCode(RegisteredOffsets):
-    """The posterior mean of a trained static VAE.
-
-    Args:
-        variant: of the VAE.
-        model: with a mask branch.
-    """
+    """The posterior mean of a trained static VAE with a mask branch."""
 
     def __init__(self, variant: str, model: GarmentCodec, data: StaticData) -> None:
         super().__init__(data, model.body_template)
@@ -125,13 +111,7 @@ class RegisteredPoints(NamedTuple):
 
 
 class CodeScanFitter:
-    """Fulfils `ScanFitter`.
-
-    Args:
-        models: variant -> trained static model with a mask.
-        bodies: by gender.
-        settings: of the fit.
-    """
+    """Fulfils `ScanFitter` with trained static models that have a mask, by variant."""
 
     def __init__(
         self, models: Mapping[str, GarmentCodec], bodies: Mapping[str, BodyModel], settings: FitCode
@@ -172,7 +152,6 @@ def register_points(
         body: (V, 3) at rest.
         points: (P, 3) of the scan, moved back to rest.
         scan: with their labels.
-        garment: its type.
     """
     own = points[scan.labels == LABELS.index(garment)]
     over = scan.garments[scan.garments.index(garment) + 1 :]
@@ -200,7 +179,6 @@ def fit_code(
         cvar: (1, C) conditions.
         topology: (1,) code of `TOPOLOGIES`.
         registered: the garment.
-        settings: of the fit.
     """
     offsets, mask, known = (torch.from_numpy(part) for part in registered)
     given = torch.from_numpy(cvar), torch.from_numpy(topology)

@@ -434,11 +434,9 @@ def _still_part(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> Sc
 
 
 def wearer_mesh(bodies: Mapping[str, BodyModel], cvar: np.ndarray) -> Mesh:
-    """The whole rest body, with head, hands and feet, of static conditions.
+    """The whole rest body, with head, hands and feet, of static conditions (13,).
 
-    Args:
-        bodies: whole bodies, by gender.
-        cvar: (13,); a gender between 0 (female) and 1 (male) gives a body between the two.
+    A gender between 0 (female) and 1 (male) gives a body between the two.
     """
     female, male = (posed_vertices(bodies[g], cvar[:10], REST_POSE[None])[0][0] for g in GENDERS)
     return Mesh(female + cvar[10] * (male - female), bodies[GENDERS[0]].faces)

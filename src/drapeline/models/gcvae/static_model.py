@@ -111,7 +111,6 @@ class StaticModel:
             shape: (10,) SMPL shape of all wearers, or None to draw uniformly from -3 to 3.
             tightness: (2,) of all garments, larger is tighter, or None to draw uniformly from -1.5
                 to 0.5.
-            seed: of codes and conditions.
             settle: whether garments are smoothed and pushed out of the body in the end, which the
                 paper does not do; otherwise no vertex is moved.
 

@@ -64,12 +64,7 @@ class ConditionRows:
 
 
 class ConditioningTraining(TrainableModule):
-    """The autoencoder Gamma with its L1 loss.
-
-    Args:
-        settings: sizes and training.
-        mean, std: (C,) of the conditions over the training rows.
-    """
+    """The autoencoder Gamma with its L1 loss, given the training rows' mean and std (C,)."""
 
     checkpoint_type = "conditioning"
 
@@ -182,7 +177,6 @@ def train_vae(
 
     Args:
         folder, progress, trainer, threads, complete: see `fit`.
-        model: untrained.
         garments: of training and validation rows.
         conditioning: folder of the trained conditioning autoencoder.
         code: digest of the code; only the same code resumes a training.

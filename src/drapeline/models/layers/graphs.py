@@ -86,7 +86,6 @@ class ChebConv(nn.Module):
     Args:
         inputs, outputs: features per node.
         order: K of the paper; 1 means two terms.
-        rng: source of the initial weights.
     """
 
     def __init__(self, inputs: int, outputs: int, order: int, rng: torch.Generator) -> None:

@@ -549,8 +549,7 @@ SEARCH_ANEW = Searches()
 class SearchMemory:
     """Answers to searches among the clouds of windows, by window and path of the search.
 
-    Args:
-        bound: bytes; searches whose answers there is no room for are made again.
+    Searches whose answers there is no room for, within `bound` bytes, are made again.
     """
 
     def __init__(self, bound: int) -> None:

@@ -47,7 +47,6 @@ class Neighbourhoods(nn.Module):
         widths: of the layers of h.
         radius: r, metres.
         count: maximum number of points per ball, see `BallSearch`.
-        rng: source of the initial weights.
     """
 
     def __init__(
@@ -112,13 +111,7 @@ def project(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
 
 
 class SetAbstraction(nn.Module):
-    """Features of neighbourhoods of several sizes around some of the points.
-
-    Args:
-        inputs: features per point.
-        radii, counts, widths: of each size.
-        rng: source of the initial weights.
-    """
+    """Features of neighbourhoods of several radii, counts and widths around some of the points."""
 
     def __init__(
         self,
@@ -158,7 +151,6 @@ class FeaturePropagation(nn.Module):
     Args:
         coarse, fine: features per point of the two levels.
         widths: of the layers.
-        rng: source of the initial weights.
     """
 
     def __init__(self, coarse: int, fine: int, widths: Sequence[int], rng: torch.Generator) -> None:

@@ -32,10 +32,6 @@ class WeightNormLinear(torch.nn.Module):
     """A linear layer with weight normalisation (Salimans and Kingma 2016).
 
     Its parameters are named as `torch.nn.utils.weight_norm` names them.
-
-    Args:
-        inputs, outputs: sizes.
-        rng: draws the weights.
     """
 
     def __init__(self, inputs: int, outputs: int, rng: torch.Generator) -> None:
@@ -71,7 +67,6 @@ class FieldDecoder(torch.nn.Module):
         clusters: K.
         cut, style: numbers of the two codes.
         width: of hidden layers, as a share of the released network's.
-        rng: draws the weights.
     """
 
     def __init__(
@@ -140,12 +135,7 @@ class FieldDecoder(torch.nn.Module):
         return self.joint(query + given.base[:, None])
 
     def query(self, points: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-        """(B, P, H0) what points add to the first joint layer.
-
-        Args:
-            points: (B, P, 3).
-            weight, bias: of `fold`.
-        """
+        """(B, P, H0) what points (B, P, 3) add to the first joint layer; see `fold`."""
         return self.query_of(points @ weight.mT + bias[:, None])
 
     def query_of(self, first: torch.Tensor) -> torch.Tensor:
@@ -162,12 +152,9 @@ class FieldDecoder(torch.nn.Module):
         return getattr(self, f"fc{self._joint}")(hidden).squeeze(-1)
 
     def layers(self, given: Conditioned) -> list[tuple[torch.Tensor, torch.Tensor]]:
-        """Weights (inputs, outputs) and biases (outputs,) that points of a garment pass through.
+        """Weights (inputs, outputs) and biases (outputs,) that points of one garment pass through.
 
         There is a ReLU between one layer and the next.
-
-        Args:
-            given: of one garment.
         """
         _, query = self._joint_split()
         later = [self.fc1_query, *(getattr(self, f"fc{k}") for k in range(1, self._joint + 1))]
@@ -230,7 +217,6 @@ def export_released(path: str | Path, decoder: FieldDecoder, unit_m: float) -> N
     """Write a decoder as the released code saves its own; its distances are in metres.
 
     Args:
-        path: of the checkpoint.
         decoder: of the released sizes, if the released code is to load it.
         unit_m: metres per unit of the decoder's distances.
     """

@@ -49,7 +49,6 @@ def decode_worn(
         wearer: gender and shape.
         codes: model and code of each garment, from the innermost to the outermost.
         skinning: how sheets follow the body.
-        meshing: how sheets are extracted.
     """
     sheets = {
         name: model.decode(z, gender=wearer.gender, shape=wearer.shape, meshing=meshing).sheet

@@ -41,7 +41,6 @@ class ImageEncoder(nn.Module):
     Args:
         outputs: numbers of a code.
         width: channels of the first stage, which doubles in each of the three that follow.
-        rng: draws the weights.
     """
 
     def __init__(self, outputs: int, width: int, rng: torch.Generator) -> None:

@@ -44,12 +44,7 @@ _FITTED_AT_ONCE = 2  # garments, whose activations stay in the processor's cache
 
 
 def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, Mesh]:
-    """Row of the data -> its garment as triangles.
-
-    Args:
-        data: of one model.
-        outfits: all static outfits, as `load_static` reads them.
-    """
+    """Row of a model's data -> its garment as triangles, among those of all static outfits."""
     wanted = {
         (str(outfit), GARMENTS[garment]): row
         for row, (outfit, garment) in enumerate(zip(data.outfit, data.garment, strict=True))
@@ -71,7 +66,6 @@ def fit_held_out(
         network: trained.
         data: of the garments.
         rows: n of them.
-        settings: of the fit.
     """
     found = []
     for part in np.split(rows, range(_FITTED_AT_ONCE, len(rows), _FITTED_AT_ONCE)):
@@ -178,16 +172,7 @@ def _normal_error_deg(sheet: Mesh, true: Mesh, nearest: np.ndarray) -> float:
 
 
 class FieldEvaluation:
-    """Measures of held-out garments through a trained model, and of what they are compared with.
-
-    Args:
-        model: trained.
-        data: of its garments.
-        meshes: row -> garment, see `true_meshes`.
-        meshing: how surfaces are extracted.
-        fit: how codes are fitted.
-        seed: of the experiment.
-    """
+    """Measures of held-out garments through a trained model, and of what they are compared with."""
 
     def __init__(
         self,
@@ -298,12 +283,7 @@ class FieldEvaluation:
 
 
 def transfer_to_body(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
-    """A garment moved from one body to another, as the body under it moves (6.1).
-
-    Args:
-        garment: on `body`.
-        body, other: (V, 3) of the first and the second wearer.
-    """
+    """A garment on a body (V, 3) moved to another one, as the body under it moves (6.1)."""
     average = averaging_matrix(garment.faces, len(garment.vertices))
     edge_m = mean_edge_length(garment.vertices, garment.faces)
     passes = round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
@@ -317,15 +297,7 @@ def rebuilt_garments(
     held_out: Mapping[tuple[str, str], tuple[np.ndarray, Mesh]],
     meshing: Meshing,
 ) -> list[RebuiltGarment]:
-    """The first held-out garment of each of a model's types.
-
-    Args:
-        model: trained.
-        data: of its garments.
-        meshes: row -> garment as it was made.
-        held_out: as `load_held_out` reads them.
-        meshing: how surfaces are extracted.
-    """
+    """The first held-out garment of each of a model's types, with `meshes` as they were made."""
     rows = {(str(data.outfit[row]), GARMENTS[data.garment[row]]): row for row in range(len(data))}
     return [
         _rebuilt(model, data, rows[key], meshes, *held_out[key], meshing)

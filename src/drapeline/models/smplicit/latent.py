@@ -103,8 +103,6 @@ def draw_between(
     Args:
         codes: (N, Z) of the training garments.
         kinds: (N,) of these.
-        rng: draws.
-        count: how many.
 
     Returns:
         (count, Z).
@@ -161,12 +159,7 @@ def correlations(scores: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def group_means(codes: np.ndarray, groups: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The mean code of each group of garments: the paper's prototypes (4.1).
-
-    Args:
-        codes: (N, Z) of the training garments.
-        groups: name -> (N,) bool, which of them belong to it; empty groups have no prototype.
-    """
+    """Mean codes of groups (N,) of codes (N, Z): the paper's prototypes (4.1); none if empty."""
     return {name: codes[chosen].mean(axis=0) for name, chosen in groups.items() if chosen.any()}
 
 
@@ -182,7 +175,6 @@ class PropertyEdits:
         values: name -> (N,) of a property, with NaN where a garment lacks it.
 
     Attributes:
-        names: of the properties.
         slopes: (P, Z) change of each property per unit of each number.
 
     Raises:

@@ -77,7 +77,6 @@ def fit_codes(
     code is worse than the one that it started from.
 
     Args:
-        decoder: of the field.
         points: of B garments.
         places: (B, K, 3) clusters of the wearers.
         z: (B, cut + style) to start from.
@@ -118,7 +117,6 @@ class GarmentField(TrainableModule):
 
     Args:
         name: of `FIELD_MODELS`.
-        settings: sizes, losses and training.
         place_basis: (22, K, 3) float32 of the clusters, rows of
             `drapeline.bodies.rest_body.rest_basis`.
         rows: of the data, each of which has a style.
@@ -279,9 +277,6 @@ class GarmentField(TrainableModule):
 def load_field(folder: str | Path) -> GarmentField:
     """A trained model, ready to predict.
 
-    Args:
-        folder: of the training.
-
     Raises:
         InputError: the checkpoint is missing, damaged, or of another model.
     """
@@ -302,12 +297,5 @@ def load_field(folder: str | Path) -> GarmentField:
 def new_field(
     name: str, data: FieldData, bodies: Mapping[str, BodyModel], settings: FieldSettings
 ) -> GarmentField:
-    """An untrained model.
-
-    Args:
-        name: of `FIELD_MODELS`.
-        data: of its garments.
-        bodies: by gender.
-        settings: sizes, losses and training.
-    """
+    """An untrained model named as in `FIELD_MODELS`."""
     return GarmentField(name, settings, cluster_basis(bodies, data.clusters), len(data))

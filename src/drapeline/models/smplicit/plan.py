@@ -23,11 +23,7 @@ _SHEETS = {
 
 
 class SmplicitFiles:
-    """Files that SMPLicit has of its own, and what its jobs are told alike.
-
-    Args:
-        files: of the experiment.
-    """
+    """Files that SMPLicit has of its own, and what its jobs are told alike."""
 
     def __init__(self, files: ExperimentFiles) -> None:
         self._files = files
@@ -39,11 +35,7 @@ class SmplicitFiles:
         self.fields = f"{self.folder}/fields/{{group}}/{{shard}}.npz"
 
     def draping(self, fit: str) -> dict[str, Any]:
-        """What a fit is told, which lets the decoded garments hang on people.
-
-        Args:
-            fit: "fit_images" or "fit_scans", a block of the settings.
-        """
+        """What "fit_images" or "fit_scans" is told, which lets decoded garments hang on people."""
         config = self._files.config
         return {
             "fit": self.settings[fit],

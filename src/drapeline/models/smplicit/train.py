@@ -46,7 +46,6 @@ def train_field(
 
     Args:
         folder, progress, trainer, threads, complete: see `fit`.
-        model: untrained.
         data: of training and validation rows.
         code: digest of the code; only the same code resumes a training.
 

@@ -102,7 +102,6 @@ class TrainingBatches:
     Args:
         source: where the rows come from.
         batch: rows per step.
-        seed: of the order of the training rows.
 
     Raises:
         InputError: the training or the validation split is empty.
@@ -136,13 +135,10 @@ Value = TypeVar("Value")
 
 
 class ByteCache(Generic[Key, Value]):
-    """Values by key, of at most so many bytes together; nothing that was added is dropped again.
+    """Values by key, of at most `bound` bytes together; nothing that was added is dropped again.
 
     Epochs ask for every value equally often, so dropping an old one for a new one would gain
     nothing, and would lose all of them where the bound is just too small for an epoch.
-
-    Args:
-        bound: bytes of all values together, as `count_bytes` counts them.
     """
 
     def __init__(self, bound: int) -> None:

@@ -46,7 +46,6 @@ def write_checkpoint(
     """Write a network; the same network gives the same bytes.
 
     Args:
-        path: of the file.
         weights: by name.
         metadata: see `Checkpoint`.
 
@@ -149,7 +148,6 @@ def load_network(
     """A trained network, ready to predict.
 
     Args:
-        path: of the checkpoint.
         kind: its `checkpoint_type`.
         build: makes the network from what its `checkpoint_metadata` gave.
 

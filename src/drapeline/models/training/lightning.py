@@ -221,16 +221,13 @@ def fit(
     """Train, or resume a training that was stopped, and leave the finished folder.
 
     Args:
-        module: to train.
         data: batches to train and validate on.
         folder: gets `best.safetensors`, `history.tsv`, `settings.json`, `tensorboard`, and
             `manifest.tsv` with the sums of all of them.
         progress: folder for a training under way, which is resumed if its settings are `settings`.
-        epochs: of training.
         monitor: logged value; the epoch where it is least is the best.
         settings: everything that the result depends on, as JSON values.
         trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
-        threads: of the processor.
         complete: adds files to the folder, which has all others by then.
 
     Of several devices each has a process of its own that calls this; the first process writes.
@@ -272,10 +269,6 @@ def newest_readable(under_way: Path, module: TrainableModule) -> Path | None:
     """The checkpoint to resume a training from, the last or else the best; None begins it anew.
 
     Whichever it is, the training ends with the same weights.
-
-    Args:
-        under_way: folder of the training.
-        module: that is trained.
     """
     there = [path for path in (under_way / LAST_STATE, under_way / BEST_STATE) if path.exists()]
     for number, path in enumerate(there, 1):

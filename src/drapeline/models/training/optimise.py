@@ -63,11 +63,7 @@ def orthogonalise(matrix: torch.Tensor) -> torch.Tensor:
 
 
 class JointOptimizer(torch.optim.Optimizer):
-    """Several optimisers that step together, for trainers that take a single one.
-
-    Args:
-        parts: of disjoint parameters.
-    """
+    """Optimisers of disjoint parameters that step together, for trainers that take a single one."""
 
     def __init__(self, parts: Sequence[torch.optim.Optimizer]) -> None:
         self.parts = list(parts)

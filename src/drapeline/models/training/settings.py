@@ -34,10 +34,5 @@ class Trainer(Settings):
 def override_settings(
     settings: Mapping[str, Mapping[str, Any]], changes: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """Settings with some of them replaced.
-
-    Args:
-        settings: group -> name -> value, such as {"training": {"epochs": 12}}.
-        changes: likewise; groups that `settings` lacks are ignored.
-    """
+    """Settings, group -> name -> value, with some of them replaced; other groups are ignored."""
     return {group: {**values, **changes.get(group, {})} for group, values in settings.items()}

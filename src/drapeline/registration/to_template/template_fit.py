@@ -108,21 +108,14 @@ _ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as lo
 
 
 class Fit(NamedTuple):
-    """A source garment on a template.
+    """A source garment on a template."""
 
-    Attributes:
-        vertices: (V, 3) float64 metres, the deformed source.
-        rest: (V, 3) float64 metres, the source itself.
-        triangles: (F, 3) of the source, with those that close its front.
-        loops: opening -> ordered vertex ids of the source.
-        guides: lines of vertex ids that were matched besides them: the seams of trousers from
-            crotch to waist, the armpits of shirts.
-    """
-
-    vertices: np.ndarray
-    rest: np.ndarray
-    triangles: np.ndarray
-    loops: dict[str, np.ndarray]
+    vertices: np.ndarray  # (V, 3) float64 metres, the deformed source
+    rest: np.ndarray  # (V, 3) float64 metres, the source itself
+    triangles: np.ndarray  # (F, 3) of the source, with those that close its front
+    loops: dict[str, np.ndarray]  # opening -> ordered vertex ids of the source
+    # Lines of vertex ids that were matched besides them: the seams of trousers from crotch to
+    # waist, the armpits of shirts.
     guides: list[np.ndarray]
 
 

@@ -53,10 +53,8 @@ def save_gallery(
 
     Args:
         folder: replaced as a whole.
-        model: trained.
         shown: what to make.
         space: of the model's codes.
-        meshing: how surfaces are extracted.
 
     Returns:
         The rows of `garments.tsv`.

@@ -43,7 +43,6 @@ def garment_weights(
 
     Args:
         garment: in the rest pose, the root joint at the origin, metres.
-        body: of the wearer.
         shape: (10,) of the wearer.
         skinning: "nearest", each vertex moves with the body's nearest vertex, as in the paper; or
             "smoothed", with many around it, smoothed over the cloth, so that a skirt does not tear
@@ -74,7 +73,6 @@ def repose(
 
     Args:
         garment: triangles in the rest pose, the root joint at the origin, metres.
-        body: of the wearer.
         shape: (10,) of the wearer.
         poses: (N, 72) axis-angle, rad.
         skinning: see `garment_weights`.
@@ -108,7 +106,6 @@ def tpose_motions(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.n
     """Motions of the joints' frames from the T-pose, for `skin_points` and `unskin_points`.
 
     Args:
-        body: of the wearer.
         shape: (10,) of the wearer.
         poses: (N, 72) axis-angle, rad.
 
@@ -143,7 +140,6 @@ def worn_clip(
     Args:
         garment: triangles at rest on this wearer, root-relative metres.
         garment_type: one of `GARMENTS`.
-        body: of the wearer.
         record: the wearer in motion.
         frames: (F,) which of its frames.
         skinning, push_out: see `repose`.
@@ -161,11 +157,9 @@ def place_clip(
     record: BodySequence,
     frames: np.ndarray,
 ) -> list[WornGarment]:
-    """Posed sheets and their wearer, in the world.
+    """Posed sheets of each frame, root-relative metres, with their wearer, in the world.
 
-    Args:
-        sheets: one for each of the frames, root-relative metres.
-        garment_type, body, record, frames: see `worn_clip`.
+    See `worn_clip` for the rest.
     """
     clip = []
     for sheet, frame in zip(sheets, frames, strict=True):

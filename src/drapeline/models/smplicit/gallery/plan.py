@@ -57,7 +57,6 @@ class Shown:
         sheet: of `SHEETS`.
         row, column: its place there, by their titles.
         z: (Z,) its code.
-        gender: of the wearer.
         shape: (10,) of the wearer.
         about: the property that is written below it; "" for none.
         score: deviations off the mean along the axis that it is on; NaN for none.
@@ -99,7 +98,6 @@ def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> 
     """Measures of the garments that a model was trained on.
 
     Args:
-        model: trained.
         outfits: with these garments, and others.
 
     Raises:
@@ -182,7 +180,6 @@ def plan_gallery(
         codes: of the training garments.
         space: of `code_space`.
         bodies: by gender.
-        seed: the experiment's.
         count: samples of each distribution.
     """
     return [

@@ -59,7 +59,6 @@ def drape_picture(
     Args:
         picture, models, settings, meshing, seed: as of `fit_picture`.
         people: what that has found.
-        draper: drapes sheets.
 
     Returns:
         As `fit_picture`; what cannot be draped stays as it is.
@@ -90,7 +89,6 @@ def drape_person(
         person: who wears them.
         outfit: class -> garment as fitted without hanging.
         observed: class -> what it was found in.
-        settings, meshing, seed, draper: see there.
     """
     if not outfit:
         return {}
@@ -233,16 +231,12 @@ def fit_image(
     """The garment that a picture shows on a known body; see `fit_picture` for whole pictures.
 
     Args:
-        model: that knows the garment.
         shown: (H, W) bool, the garment's pixels.
-        camera: of the picture.
         garment: its type, any of the model's if None.
-        gender, shape: of the wearer.
         pose: (72,) axis-angle, rad; its root rotation leads to the world of the camera.
         trans: (3,) the root joint there, metres.
         unsure: (H, W) bool, pixels that tell nothing about the garment, such as those of what
             hides it.
-        seed: of the points that the fit looks at.
         draper: drapes its sheet on the body, see `drapeline.generation.moving_sheets.make_draper`;
             what is upright in the picture is taken for upright. Skinned if None.
 

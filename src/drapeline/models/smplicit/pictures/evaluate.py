@@ -185,9 +185,7 @@ def _segment(body: PosedBody, garments: Mapping[str, Mesh], camera: Camera) -> n
 def join_people(front: Picture, behind: Picture, *, least_px: int) -> Picture:
     """A picture of two people, of whom the first hides a part of the second.
 
-    Args:
-        front, behind: pictures of one person each, as large as each other.
-        least_px: garments that show fewer pixels are not looked for.
+    The pictures are of one size; garments of which fewer than `least_px` show are not looked for.
     """
     height, width = front.classes.shape
     aside = round(_ASIDE * width)
@@ -210,12 +208,7 @@ def join_people(front: Picture, behind: Picture, *, least_px: int) -> Picture:
 class PictureEvaluation:
     """Measures of garments found in pictures, and of what they are compared with.
 
-    Args:
-        models: by their names of `FIELD_MODELS`.
-        fit: how codes are fitted.
-        meshing: how sheets are extracted.
-        seed: of the experiment.
-        draper: drapes sheets; None to measure skinned ones alone.
+    Without a draper only skinned sheets are measured.
     """
 
     def __init__(
@@ -236,7 +229,6 @@ class PictureEvaluation:
         """All rows, and the pictures with what was found in them.
 
         Args:
-            pictures: to look at.
             split: name of theirs.
 
         Raises:

@@ -54,8 +54,6 @@ def space_points(
     """(P, 3) float32 points outside the body at rest, within a box and within reach of the skin.
 
     Args:
-        rng: draws the points.
-        body: at rest.
         box: lowest and highest corner, metres.
         count: of points drawn; those inside the body or beyond reach are dropped.
         reach_m: greatest distance from the body.
@@ -124,7 +122,6 @@ def seen_points(
     Args:
         points: (P, 3) at rest, outside the body.
         body: at rest and posed.
-        camera: of the picture.
         garment: (H, W) bool, where the garment is seen.
         unknown: (H, W) bool, pixels that tell nothing about it.
         neighbours: see `point_motions`.
@@ -174,12 +171,9 @@ class Evidence(NamedTuple):
 
 
 def query_of(model: GarmentField, evidence: Evidence, places: torch.Tensor) -> torch.Tensor:
-    """(B, P, H0) what the points add to the decoder's first joint layer, whatever the codes.
+    """(B, P, H0) what points add to the decoder's first joint layer, whatever the codes.
 
-    Args:
-        model: trained.
-        evidence: of B garments.
-        places: (B, K, 3) clusters of the wearers.
+    Clusters (B, K, 3) are the wearers'.
     """
     points = torch.cat([evidence.on.flatten(1, 2), evidence.off.flatten(1, 2)], 1)
     with torch.no_grad():
@@ -196,11 +190,9 @@ def image_loss(
     """(B,) equation 6, a mean over the garment's rays to which those off it are added.
 
     Args:
-        model: trained.
         evidence: of B garments, or of one for all codes.
         query: of `query_of`, for this evidence.
         z: (B, D) codes.
-        settings: weights.
     """
     on_rays, off_rays = evidence.on.shape[1:3], evidence.off.shape[1:3]
     decoder = model.decoder
@@ -228,12 +220,9 @@ def fit_garments(
     """(B, D) codes of B garments that a picture shows.
 
     Args:
-        model: trained.
         codes: (n, D) of the training garments.
         seen: what the picture tells of each garment; each has points on it and off it.
         places: (B, K, 3) clusters of the wearers.
-        settings: of the fit.
-        rng: draws the points.
     """
     prior = CodePrior.of(codes)
     starts = spread_codes(codes, settings.starts)
@@ -287,15 +276,9 @@ def rank_codes(
     settings: FitImage,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(n,) indices of codes (n, D), the one with the least loss for a garment first.
+    """(n,) indices of codes (n, D), the one with the least loss for a picture's garment first.
 
-    Args:
-        model: trained.
-        points: what the picture tells of the garment.
-        place: (K, 3) clusters of the wearer.
-        codes: to compare.
-        settings: weights.
-        rng: draws the points that they are compared at.
+    Clusters (K, 3) are the wearer's.
     """
     # The points of a ray are in random order.
     on, off = (

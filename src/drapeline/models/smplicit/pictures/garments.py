@@ -59,13 +59,6 @@ def observe_points(
 ) -> SeenPoints:
     """Points of the space of a model's garments, and what a view tells about them.
 
-    Args:
-        model: of the garment.
-        view: of it.
-        settings: how many points.
-        rng: draws the points.
-        name: of the garment, for errors.
-
     Raises:
         InputError: the images are not of the camera's size, no pixel shows the garment, or none of
             those that do is near the body.
@@ -140,7 +133,6 @@ def observe_garments(
     Args:
         model: of all of them.
         views, wearers, names: of each.
-        settings: of the fit.
         seed: of the points; a garment's do not depend on the others'.
 
     Raises:
@@ -168,11 +160,7 @@ def fit_picture(
     """The garments of all people of a picture, by class, from the innermost to the outermost.
 
     Args:
-        picture: with its people.
         models: by their names of `FIELD_MODELS`.
-        settings: of the fit.
-        meshing: how sheets are extracted.
-        seed: of the points.
 
     Raises:
         InputError: a model is missing, or a garment cannot be fitted; see `observe_points`.
@@ -241,10 +229,7 @@ def decode_nearest(
 ) -> dict[str, FittedGarment]:
     """Of each garment in a picture the training code with the least loss, worn in layers.
 
-    Args:
-        observed: class -> what it is found in, from the innermost to the outermost.
-        wearer: of all of them.
-        settings, meshing, seed: as of `fit_picture`.
+    Garments are observed from the innermost to the outermost; for the rest see `fit_picture`.
     """
     codes = {}
     for name, (model, every, view, label) in observed.items():
@@ -274,7 +259,6 @@ def write_fitted(
 
     Args:
         folder: to write; replaces an earlier one.
-        picture: that was looked at.
         people: what `fit_picture` found.
     """
     rows, codes = [], {}
@@ -305,13 +289,7 @@ def shown_picture(
     models: Mapping[str, SmplicitModel],
     people: Sequence[Mapping[str, FittedGarment]],
 ) -> FittedPicture:
-    """A picture and what was found in it, for figures.
-
-    Args:
-        picture: that was looked at.
-        models: that it was looked at with.
-        people: what `fit_picture` found.
-    """
+    """A picture, the models it was looked at with, and what `fit_picture` found, for figures."""
     shown = []
     for person, outfit in zip(picture.people, people, strict=True):
         body = posed_person(person, models)

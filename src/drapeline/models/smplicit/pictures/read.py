@@ -107,26 +107,16 @@ LABELS = {
 
 @dataclass(frozen=True)
 class Person:
-    """A person in a picture.
+    """A person in a picture."""
 
-    Attributes:
-        gender: "female" or "male".
-        shape: (10,).
-        pose: (72,) axis-angle, rad; its root rotation leads to the world of the camera.
-        trans: (3,) the root joint there, metres.
-        camera: the person's view of the picture.
-        own: (H, W) bool, pixels that belong to the person, or to nobody.
-        others: (H, W) bool, pixels of other people.
-        garments: classes to fit, of `GARMENT_CLASSES`, from the innermost to the outermost.
-    """
-
-    gender: str
-    shape: np.ndarray
-    pose: np.ndarray
-    trans: np.ndarray
+    gender: str  # "female" or "male"
+    shape: np.ndarray  # (10,)
+    pose: np.ndarray  # (72,) axis-angle, rad; its root rotation leads to the world of the camera
+    trans: np.ndarray  # (3,) the root joint there, metres
     camera: Camera
-    own: np.ndarray
-    others: np.ndarray
+    own: np.ndarray  # (H, W) bool, pixels that belong to the person, or to nobody
+    others: np.ndarray  # (H, W) bool, pixels of other people
+    # Classes to fit, of `GARMENT_CLASSES`, from the innermost to the outermost.
     garments: tuple[str, ...]
 
 
@@ -165,7 +155,6 @@ def weak_perspective(
         weak: (s, tx, ty).
         corner_px: (left, top) of the crop in the picture (`bbox_top_left`).
         ratio: pixels of the crop, which are 224, per pixel of the picture (`bbox_scale_ratio`).
-        size: width and height of the picture.
     """
     scale, *shift = weak
     half = _CROP_PX / 2 / ratio

@@ -76,13 +76,6 @@ class GarmentTerms:
     """Residuals of one garment in a scan.
 
     Starts and the prior are those of training garments of its type.
-
-    Args:
-        model: of the garment.
-        garment: its type.
-        points: of the scan.
-        gender: of the wearer.
-        settings: of the fit.
     """
 
     def __init__(
@@ -233,7 +226,6 @@ class PointsAtRest:
 
     Args:
         points: (P, 3) in the scan's world.
-        body: posed.
         neighbours: K vertices that it follows.
 
     Attributes:
@@ -247,11 +239,9 @@ class PointsAtRest:
         self.places = self._moved.places
 
     def slopes(self, along: np.ndarray, rest_by_shape: np.ndarray) -> np.ndarray:
-        """(P, U) derivatives of along . place by the body, for which vertices are closest kept.
+        """(P, U) derivatives of along . place by the body; which vertices are closest is kept.
 
-        Args:
-            along: (P, 3).
-            rest_by_shape: (10, V, 3) change of the body at rest per unit of shape.
+        `along` is (P, 3), `rest_by_shape` (10, V, 3) change of the body at rest per unit of shape.
         """
         total, moved = np.zeros((len(along), UNKNOWNS)), self._moved
         for column in range(moved.near.shape[1]):
@@ -274,12 +264,9 @@ def fit_scan(
     """Codes of the garments in a scan, with the body kept and with the body fitted again.
 
     Args:
-        scan: segmented.
         models: by their names of `FIELD_MODELS`.
         body: fitted to the scan, see `fit_body`.
         body_fit: how the body is fitted again.
-        settings: of the fit.
-        seed: of the points that count.
 
     Raises:
         InputError: no garment is known to a model, or one has too few points.

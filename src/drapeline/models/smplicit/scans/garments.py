@@ -54,7 +54,6 @@ class DressedScan(NamedTuple):
     """Body and garments found in a scan.
 
     Attributes:
-        body: its state.
         skin: its posed triangles, in the scan's world.
         garments: type -> code, and sheets at rest and as worn.
         moved: type -> worn sheet, moved to the points.
@@ -78,11 +77,7 @@ def find_garments(
     """The body in a scan, then its garments and the body once more.
 
     Args:
-        scan: segmented.
         models: by their names of `FIELD_MODELS`.
-        body_fit, settings: of the fits.
-        meshing: how sheets are extracted.
-        seed: of the points that count.
         draper: drapes sheets on the body; None for skinning alone.
 
     Raises:
@@ -154,7 +149,6 @@ def drape_scan(
         scan, models, settings, meshing, seed: as of `find_garments`.
         fits: of the scan.
         garments: of its joint fit, as `decode_in_scan` made them.
-        draper: drapes sheets.
     """
     found = fits.joint
     _, nearest = decode_in_scan(scan, models, fits.nearest.codes, found.body, meshing)
@@ -270,7 +264,6 @@ def fit_points(
     """The garment in a segmented scan, and the body under it; see `find_garments`.
 
     Args:
-        model: that knows the garment.
         points: (P, 3) of the dressed person, metres, Z up.
         labels: (P,) 0 for skin, 1 for the garment, 255 for other cloth.
         garment: its type, the first that the model knows if None.
@@ -280,7 +273,6 @@ def fit_points(
         trans: (3,) the root joint in the scan, as estimated, metres.
         shape: (10,) as estimated; the mean one if not given.
         joints: (24, 3) positions of the joints in the scan, if they were predicted apart.
-        seed: of the points that count.
         draper: drapes its sheet on the body, see `drapeline.generation.moving_sheets.make_draper`;
             skinned if None.
 
@@ -315,9 +307,6 @@ class SmplicitScanFitter:
 
     Args:
         models: by their names of `FIELD_MODELS`.
-        body_fit, settings: of the fits.
-        meshing: how sheets are extracted.
-        seed: of the points that count.
         draper: drapes sheets on bodies; None for skinning alone.
 
     Attributes:

@@ -41,10 +41,7 @@ def field_points(
     """Points that a garment's field is compared with.
 
     Args:
-        scan: that shows the garment.
-        garment: its type.
         body: vertices (V, 3) of the body in the scan, and their outward normals.
-        rng: draws the points.
         cloth: number of points on the garment.
         around: number of points off it: a third next to it in space, the others where the scan
             shows skin or cloth that the garment would cover, up to 25 cm above it but mostly less,

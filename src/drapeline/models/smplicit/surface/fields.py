@@ -21,11 +21,8 @@ _LEAF = 32  # vertices in a tree's leaf; for points far from all of them twice a
 class DistanceField(Protocol):
     """Distances from points in space to a garment's surface, exact or learned.
 
-    A learned field is clipped at the distance it was trained up to, may be slightly negative close
-    to the surface, and grows only roughly as fast as one moves away.
-
-    Attributes:
-        clip_m: the greatest distance that it tells.
+    A learned field is clipped at `clip_m`, the distance it was trained up to, may be slightly
+    negative close to the surface, and grows only roughly as fast as one moves away.
     """
 
     clip_m: float
@@ -45,7 +42,6 @@ class NetworkField:
     What does not depend on the points is computed once. Fulfils `DistanceField`.
 
     Args:
-        model: trained.
         z: (cut + style,) the code.
         shape: (10,) of the wearer.
         gender: of the wearer, "female" or "male".

@@ -243,11 +243,7 @@ def _widen(mask: np.ndarray, average: sp.csr_matrix, edges_wide: int) -> np.ndar
 
 
 def _relax(outer: _Outer, places: np.ndarray, hem: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Smooth hems along themselves, spread what fell onto them, and smooth everything a little.
-
-    Returns:
-        Vertices (V, 3) float32.
-    """
+    """Vertices (V, 3) float32: hems smoothed along themselves, all else a little."""
     average = averaging_matrix(outer.faces, len(places), along_boundaries=True)
     around = _widen(rim, average, _HEM_REACH) & ~hem
     places = smooth(places, average, 0.5 * hem, _HEM_PASSES)
@@ -282,14 +278,7 @@ class FieldGarment(NamedTuple):
 
 
 def garment_of_field(field: DistanceField, box: Box, body: Mesh, meshing: Meshing) -> FieldGarment:
-    """Walls and sheet of a field.
-
-    Args:
-        field: of the garment.
-        box: lowest and highest corner, metres.
-        body: the wearer at rest, triangles.
-        meshing: cell and threshold.
-    """
+    """Walls and sheet of a field in a box, its corners in metres, on a body at rest, triangles."""
     low, high = np.asarray(box)
     near = NearBody(field, box, body.vertices)
     walls = extract_walls(near, Grid(low, high, meshing.cell_m), meshing.threshold_m)

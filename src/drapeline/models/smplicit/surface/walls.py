@@ -52,7 +52,6 @@ def extract_walls(field: DistanceField, grid: Grid, threshold_m: float) -> Mesh:
     and Cline (1987), with Lewiner's topology.
 
     Args:
-        field: distances.
         grid: where to look; walls that leave it stay open there.
         threshold_m: distance of the walls from the cloth.
 
