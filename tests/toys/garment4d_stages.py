@@ -8,6 +8,7 @@ from drapeline.models.garment4d.data import BodySequences, Windows
 from drapeline.models.garment4d.stages import CanonicalStage, Stage
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.training.batches import Batch, as_tensors
+from drapeline.models.training.lightning import TrainingRun
 from toys.threads import THREADS
 
 
@@ -24,15 +25,10 @@ def train_toys(
     folder: Path, name: str, stage: Stage, sequences: BodySequences, *, precision: str = "32-true"
 ) -> Path:
     """Train a stage; the folder `name` that it leaves."""
-    train_stage(
-        folder / name,
-        stage,
-        sequences,
-        code="c",
-        progress=folder / ".progress" / name,
-        trainer={"accelerator": "cpu", "precision": precision},
-        threads=THREADS,
-    )
+    trainer = {"accelerator": "cpu", "precision": precision}
+    progress = folder / ".progress" / name
+    run = TrainingRun(folder / name, progress, "c", THREADS, trainer)
+    train_stage(stage, sequences, run)
     return folder / name
 
 

@@ -7,6 +7,7 @@ import torch
 from drapeline.models.gcvae.settings import ConditioningSettings
 from drapeline.models.gcvae.train import train_conditioning
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.lightning import TrainingRun
 from drapeline.models.training.module import BEST
 from toys.threads import THREADS
 
@@ -20,7 +21,8 @@ class Killed(Exception):
 def train_condition(folder: Path, garments, settings: ConditioningSettings = CONDITIONING) -> Path:
     """Train the conditioning autoencoder; returns the finished folder."""
     progress = folder.with_name(f"{folder.name}_progress")
-    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=THREADS)
+    run = TrainingRun(folder, progress, "c", THREADS, {"accelerator": "cpu", "devices": 1})
+    train_conditioning(garments, settings, run)
     return folder
 
 

@@ -7,6 +7,7 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.model import save_model_files
 from drapeline.models.smplicit.network import new_field
 from drapeline.models.smplicit.train import train_field
+from drapeline.models.training.lightning import TrainingRun
 from toys.smplicit import toy_bodies, toy_settings
 from toys.threads import THREADS
 
@@ -28,14 +29,11 @@ def train_toy(
             return whole(batch)
 
         model.training_step = limited
+    trainer = {"accelerator": "cpu", "devices": devices}
     train_field(
-        folder / "model",
         model,
         data,
-        code="x",
-        progress=folder / "progress",
-        trainer={"accelerator": "cpu", "devices": devices},
-        threads=THREADS,
-        complete=lambda out: save_model_files(out, model, data, bodies),
+        TrainingRun(folder / "model", folder / "progress", "x", THREADS, trainer),
+        lambda out: save_model_files(out, model, data, bodies),
     )
     return folder / "model"

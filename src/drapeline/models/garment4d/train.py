@@ -1,8 +1,7 @@
 """Trainings of both stages of Garment4D, of their variants and of their baselines."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -21,28 +20,18 @@ from drapeline.models.garment4d.stages import (
 )
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import arrays_digest
-from drapeline.models.training.lightning import fit
+from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.training.module import fastest_device
 
 
 def train_stage(
-    folder: str | Path,
     stage: Stage,
     sequences: BodySequences,
-    *,
-    code: str,
-    progress: str | Path,
-    trainer: Mapping[str, Any],
-    threads: int,
+    run: TrainingRun,
     complete: Callable[[Path], None] | None = None,
 ) -> None:
-    """Train a stage on windows of sequences and leave a folder as `fit` does.
-
-    Args:
-        folder, progress, trainer, threads, complete: see `fit`.
-        code: digest of the code; a training that was stopped goes on with the same code alone.
-    """
-    torch.set_num_threads(threads)
+    """Train a stage on windows of sequences and leave a folder as `fit` does; see there."""
+    torch.set_num_threads(run.threads)
     stage.train()  # a frozen stage within it too: Lightning warns of modules in evaluation mode
     training, sequences = stage.settings.training, stage.training_sequences(sequences)
     windows = Windows(
@@ -58,19 +47,14 @@ def train_stage(
     fit(
         stage,
         garments,
-        folder,
-        progress=progress,
-        epochs=training.epochs,
+        run,
         monitor="val_total",
         settings={
             **stage.settings.plain(),
             "sequences": sequences.data.name.tolist(),
             "data": arrays_digest(sequences.arrays()),
             **stage.dependencies(),
-            "code": code,
         },
-        trainer=trainer,
-        threads=threads,
         complete=complete,
     )
 
@@ -80,7 +64,8 @@ def train_canonical(job: Job) -> None:
     stage = PointNetStage if job.params.pointnet else CanonicalStage
     sequences = _sequences(job)
     data = sequences.data
-    _train(job, stage(stage.SETTINGS(**job.params.settings), data.space, data.label), sequences)
+    untrained = stage(stage.SETTINGS(**job.params.settings), data.space, data.label)
+    train_stage(untrained, sequences, TrainingRun.of(job))
 
 
 def train_posed(job: Job) -> None:
@@ -95,24 +80,9 @@ def train_posed(job: Job) -> None:
         if not params.mgn:  # a baseline to compare with, not to be used
             save_posed_files(folder, sequences, settings.skinning)
 
-    _train(job, stage(settings, canonical), sequences, complete)
+    train_stage(stage(settings, canonical), sequences, TrainingRun.of(job), complete)
 
 
 def _sequences(job: Job) -> BodySequences:
     bodies = BodySet(load_bodies(job.input), job.params.body_points)
     return BodySequences(SequenceData(job.input.data), bodies)
-
-
-def _train(
-    job: Job, stage: Stage, sequences: BodySequences, complete: Callable[[Path], None] | None = None
-) -> None:
-    train_stage(
-        job.output[0],
-        stage,
-        sequences,
-        code=job.code,
-        progress=job.progress,
-        trainer=job.params.trainer,
-        threads=job.threads,
-        complete=complete,
-    )

@@ -31,7 +31,7 @@ from drapeline.models.gcvae.settings import (
 from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.checkpoints import Checkpoint, read_checkpoint, tensors_digest
-from drapeline.models.training.lightning import fit
+from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import Topology, load_topology
@@ -99,21 +99,9 @@ class ConditioningTraining(TrainableModule):
 
 
 def train_conditioning(
-    folder: str | Path,
-    conditions: Conditions,
-    settings: ConditioningSettings,
-    *,
-    code: str,
-    progress: str | Path,
-    threads: int,
+    conditions: Conditions, settings: ConditioningSettings, run: TrainingRun
 ) -> None:
     """Train on the training rows and leave a folder as `fit` does.
-
-    Args:
-        folder, progress, threads: see `fit`.
-        conditions: of training and validation rows.
-        settings: sizes and training.
-        code: digest of the code; only the same code resumes a training.
 
     Raises:
         InputError: a condition, or later the loss, is not finite; names the samples.
@@ -125,13 +113,9 @@ def train_conditioning(
     fit(
         ConditioningTraining(settings, mean, std),
         TrainingBatches(ConditionRows(conditions), batch=training.batch, seed=training.seed),
-        folder,
-        progress=progress,
-        epochs=training.epochs,
+        run,
         monitor="val_loss",
-        settings={**settings.plain(), "mean": mean.tolist(), "std": std.tolist(), "code": code},
-        trainer={"accelerator": "cpu", "devices": 1},
-        threads=threads,
+        settings={**settings.plain(), "mean": mean.tolist(), "std": std.tolist()},
     )
 
 
@@ -162,24 +146,18 @@ def load_conditioning(checkpoint: Checkpoint, into: ConditioningAutoencoder, pat
 
 
 def train_vae(
-    folder: str | Path,
     model: GarmentVae,
     garments: Garments,
-    *,
     conditioning: str | Path,
-    code: str,
-    progress: str | Path,
-    trainer: dict[str, Any],
-    threads: int,
+    run: TrainingRun,
     complete: Callable[[Path], None] | None = None,
 ) -> None:
     """Train a garment VAE and leave a folder as `fit` does.
 
     Args:
-        folder, progress, trainer, threads, complete: see `fit`.
         garments: of training and validation rows.
         conditioning: folder of the trained conditioning autoencoder.
-        code: digest of the code; only the same code resumes a training.
+        complete: see `fit`.
 
     Raises:
         InputError: a checkpoint is unusable, or an offset or the loss is not finite.
@@ -189,7 +167,6 @@ def train_vae(
         "checkpoint_type": model.checkpoint_type,
         **model.settings.plain(),
         "body_template": tensors_digest(model.body_template.tensors()),
-        "code": code,
     }
     path = Path(conditioning) / BEST
     load_conditioning(read_checkpoint(path), model.conditioning, path)
@@ -198,68 +175,43 @@ def train_vae(
     fit(
         model,
         TrainingBatches(garments, batch=training.batch, seed=training.seed),
-        folder,
-        progress=progress,
-        epochs=training.epochs,
+        run,
         monitor="val_selection",
         settings=about,
-        trainer=trainer,
-        threads=threads,
         complete=complete,
     )
 
 
 def train_svae_conditioning(job: Job) -> None:
     """The autoencoder of the conditions of garments in rest pose."""
-    _train_conditioning(job, StaticData(job.input.data))
+    settings = ConditioningSettings(**job.params.settings)
+    train_conditioning(StaticData(job.input.data), settings, TrainingRun.of(job))
 
 
 def train_dvae_conditioning(job: Job) -> None:
     """The autoencoder of the conditions of garments in motion."""
-    given = job.input
-    _train_conditioning(job, load_dynamic_garments(given.data, given.static, job.params.frames))
-
-
-def _train_conditioning(job: Job, conditions: Conditions) -> None:
-    train_conditioning(
-        job.output[0],
-        conditions,
-        ConditioningSettings(**job.params.settings),
-        code=job.code,
-        progress=job.progress,
-        threads=job.threads,
-    )
+    garments = load_dynamic_garments(job.input.data, job.input.static, job.params.frames)
+    train_conditioning(garments, ConditioningSettings(**job.params.settings), TrainingRun.of(job))
 
 
 def train_svae(job: Job) -> None:
     """The paper's VAE of garments in rest pose, in one of its variants."""
     garments, topology, template = _static_garments(job)
     model = StaticVae(VaeSettings(**job.params.settings), template)
-    _train_vae(
-        job, model, garments, lambda made: save_static_files(made, model, garments, topology)
+    train_vae(
+        model,
+        garments,
+        job.input.conditioning,
+        TrainingRun.of(job),
+        lambda made: save_static_files(made, model, garments, topology),
     )
 
 
 def train_dvae(job: Job) -> None:
     """The paper's VAE of garments in motion, in one of its variants."""
     garments, template = _dynamic_garments(job)
-    _train_vae(job, DynamicVae(DvaeSettings(**job.params.settings), template), garments)
-
-
-def _train_vae(
-    job: Job, model: GarmentVae, garments: Garments, complete: Callable[[Path], None] | None = None
-) -> None:
-    train_vae(
-        job.output[0],
-        model,
-        garments,
-        conditioning=job.input.conditioning,
-        code=job.code,
-        progress=job.progress,
-        trainer=job.params.trainer,
-        threads=job.threads,
-        complete=complete,
-    )
+    model = DynamicVae(DvaeSettings(**job.params.settings), template)
+    train_vae(model, garments, job.input.conditioning, TrainingRun.of(job))
 
 
 def fit_static_ppca(job: Job) -> None:

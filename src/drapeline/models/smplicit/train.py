@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from drapeline.models.smplicit.network import GarmentField, new_field
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.checkpoints import arrays_digest
-from drapeline.models.training.lightning import fit
+from drapeline.models.training.lightning import TrainingRun, fit
 
 
 class _Visits:
@@ -32,22 +31,12 @@ class _Visits:
 
 
 def train_field(
-    folder: str | Path,
     model: GarmentField,
     data: FieldData,
-    *,
-    code: str,
-    progress: str | Path,
-    trainer: dict[str, Any],
-    threads: int,
+    run: TrainingRun,
     complete: Callable[[Path], None] | None = None,
 ) -> None:
-    """Train a model and leave a folder as `fit` does.
-
-    Args:
-        folder, progress, trainer, threads, complete: see `fit`.
-        data: of training and validation rows.
-        code: digest of the code; only the same code resumes a training.
+    """Train a model on the training rows and leave a folder as `fit` does; see there.
 
     Raises:
         InputError: a point, a distance or the loss is not finite.
@@ -61,18 +50,13 @@ def train_field(
         "name": model.name,
         **model.settings.plain(),
         "data": arrays_digest(data.arrays()),
-        "code": code,
     }
     fit(
         model,
         TrainingBatches(_Visits(data, training.visits), batch=training.batch, seed=training.seed),
-        folder,
-        progress=progress,
-        epochs=training.epochs,
+        run,
         monitor="val_distance_mm",
         settings=about,
-        trainer=trainer,
-        threads=threads,
         complete=complete,
     )
 
@@ -82,12 +66,8 @@ def train(job: Job) -> None:
     params, bodies, data = job.params, load_bodies(job.input), FieldData(job.input.data)
     model = new_field(params.name, data, bodies, FieldSettings(**params.settings))
     train_field(
-        job.output[0],
         model,
         data,
-        code=job.code,
-        progress=job.progress,
-        trainer=params.trainer,
-        threads=job.threads,
-        complete=lambda folder: save_model_files(folder, model, data, bodies),
+        TrainingRun.of(job),
+        lambda folder: save_model_files(folder, model, data, bodies),
     )

@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from pytorch_lightning import Callback, LightningModule, Trainer
@@ -22,6 +22,7 @@ from pytorch_lightning.plugins.environments import LightningEnvironment
 from torch.utils.data import DataLoader
 
 from drapeline.errors import DamagedFile
+from drapeline.job import Job
 from drapeline.manifest import write_manifest
 from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.checkpoints import (
@@ -205,39 +206,57 @@ class _Loop(LightningModule):
             self.log_dict(values, on_step=False, on_epoch=True, batch_size=rows, sync_dist=True)
 
 
+class TrainingRun(NamedTuple):
+    """Where a training happens, and with what.
+
+    Attributes:
+        folder: gets `best.safetensors`, `history.tsv`, `settings.json`, `tensorboard`, and
+            `manifest.tsv` with the sums of all of them.
+        progress: folder for a training under way, which is resumed if its settings are the same.
+        code: digest of the code; only the same code resumes a training.
+        threads: of the processor.
+        trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
+    """
+
+    folder: str | Path
+    progress: str | Path
+    code: str
+    threads: int
+    trainer: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, job: Job) -> "TrainingRun":
+        """A job's, whose params have the `trainer`'s options, unless it takes one processor."""
+        trainer = getattr(job.params, "trainer", {"accelerator": "cpu", "devices": 1})
+        return cls(job.output[0], job.progress, job.code, job.threads, trainer)
+
+
 def fit(
     module: TrainableModule,
     data: TrainingBatches,
-    folder: str | Path,
+    run: TrainingRun,
     *,
-    progress: str | Path,
-    epochs: int,
     monitor: str,
     settings: Mapping[str, Any],
-    trainer: Mapping[str, Any],
-    threads: int,
     complete: Callable[[Path], None] | None = None,
 ) -> None:
     """Train, or resume a training that was stopped, and leave the finished folder.
 
     Args:
         data: batches to train and validate on.
-        folder: gets `best.safetensors`, `history.tsv`, `settings.json`, `tensorboard`, and
-            `manifest.tsv` with the sums of all of them.
-        progress: folder for a training under way, which is resumed if its settings are `settings`.
         monitor: logged value; the epoch where it is least is the best.
-        settings: everything that the result depends on, as JSON values.
-        trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
+        settings: everything but the code that the result depends on, as JSON values.
         complete: adds files to the folder, which has all others by then.
 
     Of several devices each has a process of its own that calls this; the first process writes.
     """
     keep_freed_memory()
-    torch.set_num_threads(threads)
+    torch.set_num_threads(run.threads)
+    settings = {**settings, "code": run.code}
     # Named after the settings, so that no process reads what another clears away.
     text = json.dumps(settings, sort_keys=True)
-    under_way = Path(progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
-    engine = _trainer(under_way, epochs, monitor, trainer)
+    under_way = Path(run.progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
+    engine = _trainer(under_way, module.settings.training.epochs, monitor, run.trainer)
     if engine.is_global_zero:
         begin(under_way, settings)
     resumed = newest_readable(under_way, module)
@@ -253,7 +272,7 @@ def fit(
             engine.fit(loop, ckpt_path=resumed, weights_only=True)
     module.progress = Progress()
     if engine.is_global_zero:
-        with atomic_folder(folder) as scratch:
+        with atomic_folder(run.folder) as scratch:
             best = read_torch_file(under_way / BEST_STATE)["state_dict"]
             write_checkpoint(scratch / BEST, best, module.checkpoint_metadata())
             for name in (HISTORY, SETTINGS):
@@ -262,7 +281,7 @@ def fit(
             if complete is not None:
                 complete(scratch)
             write_manifest(scratch)
-        shutil.rmtree(progress)
+        shutil.rmtree(run.progress)
 
 
 def newest_readable(under_way: Path, module: TrainableModule) -> Path | None:

@@ -13,6 +13,7 @@ from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_torch_file
+from drapeline.models.training.lightning import TrainingRun
 from drapeline.models.training.module import BEST
 from toys.gcvae import ToyGarments, toy_template
 from toys.gcvae_trainings import (
@@ -39,15 +40,13 @@ def train(tmp_path, conditioning):
     """train("name", settings, garments) -> folder of the finished training."""
 
     def run(name, settings=SETTINGS, garments=None, given=conditioning, **options):
+        trainer = {"accelerator": "cpu", **options}
+        made, progress = tmp_path / name, tmp_path / ".progress" / name
         train_vae(
-            tmp_path / name,
             StaticVae(settings, toy_template()),
             garments or ToyGarments(),
-            conditioning=given,
-            code="c",
-            progress=tmp_path / ".progress" / name,
-            trainer={"accelerator": "cpu", **options},
-            threads=THREADS,
+            given,
+            TrainingRun(made, progress, "c", THREADS, trainer),
         )
         return tmp_path / name
 

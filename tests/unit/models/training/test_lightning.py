@@ -14,7 +14,7 @@ from drapeline.errors import InputError
 from drapeline.manifest import damages
 from drapeline.models.training import lightning
 from drapeline.models.training.checkpoints import read_checkpoint, read_torch_file, write_torch_file
-from drapeline.models.training.lightning import begin, fit, learning_rate
+from drapeline.models.training.lightning import TrainingRun, begin, fit, learning_rate
 from drapeline.models.training.module import BEST, Progress, TrainableModule
 from drapeline.models.training.settings import Training
 from drapeline.storage import read_json
@@ -49,18 +49,13 @@ class One:
         return torch.utils.data.DataLoader([0.0])
 
 
+def run_in(folder):
+    return TrainingRun(folder / "out", folder / "progress", "c", THREADS, {"accelerator": "cpu"})
+
+
 def train_line(line, folder, epochs):
-    fit(
-        line,
-        One(),
-        folder / "out",
-        progress=folder / "progress",
-        epochs=epochs,
-        monitor="val_x",
-        settings={},
-        trainer={"accelerator": "cpu"},
-        threads=THREADS,
-    )
+    line.settings.training = line.settings.training.replace(epochs=epochs)
+    fit(line, One(), run_in(folder), monitor="val_x", settings={})
     best = read_checkpoint(folder / "out" / BEST)
     assert best.metadata == {"checkpoint_type": "line", "start": torch.tensor(3.0)}
     return [best.weights["x"].item(), line.x.item()]
@@ -185,17 +180,9 @@ class Batches:
 
 
 def test_history_holds_means_over_the_rows_of_each_epoch(tmp_path):
-    fit(
-        Numbers(),
-        Batches(),
-        tmp_path / "out",
-        progress=tmp_path / "progress",
-        epochs=2,
-        monitor="val_x",
-        settings={},
-        trainer={"accelerator": "cpu"},
-        threads=THREADS,
-    )
+    numbers = Numbers()
+    numbers.settings.training = numbers.settings.training.replace(epochs=2)
+    fit(numbers, Batches(), run_in(tmp_path), monitor="val_x", settings={})
     header, *rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
     for row in rows:
         values = dict(zip(header.split("\t"), row.split("\t"), strict=True))
@@ -220,7 +207,7 @@ from pathlib import Path
 
 from drapeline.models.gcvae.settings import ConditioningSettings
 from drapeline.models.gcvae.train import ConditioningTraining, ConditionRows
-from drapeline.models.training.lightning import fit
+from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.gcvae.data import cvar_statistics
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.rule_log import rule_log
@@ -229,18 +216,16 @@ from toys.gcvae import ToyGarments
 if __name__ == "__main__":
     folder, garments = Path(sys.argv[1]), ToyGarments(47)
     devices = int(sys.argv[2])
+    trainer = {"accelerator": "cpu", "devices": devices, "strategy": "ddp"}
+    settings = ConditioningSettings(condition=4, training={"epochs": 2})
     moments = cvar_statistics(garments.cvar(garments.rows("train")))
     with rule_log(str(folder / "log")):
         fit(
-            ConditioningTraining(ConditioningSettings(condition=4), *moments),
+            ConditioningTraining(settings, *moments),
             TrainingBatches(ConditionRows(garments), batch=16 // devices, seed=0),
-            folder / "out",
-            progress=folder / "progress",
-            epochs=2,
+            TrainingRun(folder / "out", folder / "progress", "c", 1, trainer),
             monitor="val_loss",
             settings={},
-            trainer={"accelerator": "cpu", "devices": devices, "strategy": "ddp"},
-            threads=1,
         )
 """
 
