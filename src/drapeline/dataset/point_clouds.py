@@ -226,12 +226,12 @@ def _is_visible_from(
 @wp.kernel
 def _mark_visible(
     mesh: wp.uint64,
-    label: wp.array(dtype=wp.uint8),
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    face: wp.array(dtype=int),
-    cameras: wp.array(dtype=wp.vec3),
-    visible: wp.array(dtype=wp.bool),
+    label: wp.array[wp.uint8],
+    points: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
+    face: wp.array[int],
+    cameras: wp.array[wp.vec3],
+    visible: wp.array[wp.bool],
 ):
     index = wp.tid()
     point = points[index]
