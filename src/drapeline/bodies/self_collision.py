@@ -317,7 +317,7 @@ def solve_self_collisions(
     *,
     gap_m: float,
     cures: Sequence[frozenset[str]] | None = None,
-    order: Sequence[int] | None = None,
+    order: Iterable[int] | None = None,
 ) -> Solution:
     """Separate colliding parts in every frame.
 
@@ -410,7 +410,8 @@ def _solve_frame(
     for turn in range(PASSES + 1):
         # Of the pass's beginning, so that the order of the pairs does not matter.
         before = vertices.copy()
-        crossing, pressed = [], set()
+        crossing: list[int] = []
+        pressed: set[int] = set()
         members = pair_parts[active].tolist()
         find = partial(_meetings, vertices, before, parts, places, find_inside)
         for pair, both, found in zip(active, members, find(members), strict=True):

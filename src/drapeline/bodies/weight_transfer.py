@@ -213,7 +213,7 @@ def interpolated_weights(
     neighbours: int = 256,
     passes: int = 100,
     step: float = 0.1,
-    power: Literal[1, 2] = 1,
+    power: int = 1,
     coincident: Literal["vertex", "released"] = "vertex",
 ) -> np.ndarray:
     """Equation 2 of Garment4D: (N, 24) float32 W_g = W_g^K I_w, smoothed over the garment.

@@ -83,7 +83,7 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     facing *= -np.sign((facing * rays[hit]).sum(1, keepdims=True))
 
     def image(values: np.ndarray, dtype: type) -> np.ndarray:
-        flat = np.zeros((len(hit), *values.shape[1:]), dtype=dtype)
+        flat: np.ndarray = np.zeros((len(hit), *values.shape[1:]), dtype=dtype)
         flat[hit] = values
         return flat.reshape(height, width, *values.shape[1:])
 

@@ -26,7 +26,7 @@ class ColouredMesh:
 
     vertices: np.ndarray  # (V, 3) world, metres
     faces: np.ndarray  # (F, 3) or (F, 4)
-    colour: Sequence[float]  # sRGB in 0-1
+    colour: Sequence[float] | np.ndarray  # (3,) sRGB in 0-1
     gloss: float = 0.0  # strength of the highlight, 0 for none
 
 

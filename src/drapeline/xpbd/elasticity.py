@@ -74,7 +74,9 @@ def make_springs(
     """
     pairs, which = face_edges(faces)
     area = face_areas(vertices, faces)
-    beside = np.bincount(which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs))
+    beside: np.ndarray = np.bincount(
+        which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs)
+    )
     if faces.shape[1] == 4:
         diagonals = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
         pairs = np.concatenate([pairs, diagonals])

@@ -6,6 +6,7 @@ which a processor reads and writes at once.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -39,7 +40,7 @@ from drapeline.xpbd.system import join_garments
 wp.set_module_options({"enable_backward": False})
 
 
-def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
+def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> Any:
     """A launch to repeat; nothing if `count`, the number of its threads, is 0."""
     return wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, record_cmd=True)
 
@@ -298,7 +299,7 @@ class MovingCloth:
         Contacts always are on a GPU, which goes through all vertices; a processor leaves out those
         that are near to nothing.
         """
-        contacts = [contact.launch for contact in self._contacts]
+        contacts: list[Callable[[], None]] = [contact.launch for contact in self._contacts]
         if self._parallel:
             state = [self._before, self._place]
             moves = record(make_all_moves, len(self._place), [self._moves], state)
@@ -306,7 +307,7 @@ class MovingCloth:
         first, last = self._record_first(), self._record_last()
         # Searches themselves are not kept: they hold this object, which would outlive its sample.
         self._finds: list[Replay] = []
-        self._solve = [Replay(first), *contacts, Replay(last)]
+        self._solve: list[Callable[[], None]] = [Replay(first), *contacts, Replay(last)]
         if self._device.is_cuda:
             self._finds = [Replay([find]) for find in self._searches]
             self._solve = [Replay([*first, *contacts, *last])]

@@ -12,7 +12,7 @@ layers, which take a large part of its forward pass: `SearchMemory` answers thos
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 import warp as wp
@@ -517,7 +517,7 @@ def _launch(kernel: wp.Kernel, *values: Any) -> None:
     wp.launch(kernel, dim=shape, inputs=arrays, device=arrays[-1].device)
 
 
-Answer = torch.Tensor | tuple[torch.Tensor, ...]
+Answer = TypeVar("Answer", bound=torch.Tensor | tuple[torch.Tensor, ...])
 
 
 class Searches:
@@ -601,7 +601,7 @@ def _split(answer: Answer, count: int) -> list[list[torch.Tensor]]:
     return [list(part) for part in zip(*(x.chunk(count) for x in narrow), strict=True)]
 
 
-def _join(parts: Sequence[Sequence[torch.Tensor]]) -> Answer:
+def _join(parts: Sequence[Sequence[torch.Tensor]]) -> Any:
     """One answer about all windows."""
     whole = [torch.cat(x) for x in zip(*parts, strict=True)]
     wide = tuple(x if x.is_floating_point() else x.long() for x in whole)
