@@ -4,7 +4,7 @@ What a sample is depends on the seed, its group and its number, not on how many 
 whoever asks for more keeps those that he has.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -128,7 +128,7 @@ def split_clips(
     """
     rng, parts = rng_for(seed, "split", group), _with_train(shares)
     first = [split for split in ("train", "test", "val") if split in parts]
-    total, filled = 0.0, dict.fromkeys(parts, 0.0)
+    total, filled = 0.0, defaultdict[str, float](float)
     split_of = {}
     for clip, size in sizes.items():
         total += size
