@@ -23,6 +23,7 @@ _HOMES = {
         "load_body": "bodies.model",
         "load_obj": "geometry.obj",
         "open_dataset": "dataset.reader",
+        "posed_vertices": "bodies.model",
         "save_motion": "motions.motion",
         "save_obj": "geometry.obj",
     },
