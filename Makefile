@@ -19,7 +19,7 @@
 #             that is met badly
 # make bench RESULTS=results   measure speed beside other libraries, on the results of a finished
 #             experiment, and write the table of docs/background/speed.md
-# make lint   formatters and linters, as CI runs them
+# make lint   formatters, linters and types, as CI runs them
 # Anything after that is plain Snakemake: .venv/bin/snakemake [target] --cores all
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 CONFIG ?= config.yaml
@@ -61,7 +61,6 @@ report: .venv/ready
 	$(SNAKEMAKE) --report report.html --report-stylesheet workflow/report/style.css --configfile $(CONFIG)
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
-# Types are to be checked here too.
 check: .venv/ready
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync lint test-near
 
@@ -101,6 +100,7 @@ lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/mypy
 	$(BIN)/snakemake --lint --configfile config.yaml
 
 format: .venv/ready

@@ -91,7 +91,8 @@ def _about(run: str) -> str:
     """The first sentence of the docstring of `package.module:function`."""
     module, _, name = run.partition(":")
     tree = ast.parse((ROOT / "src" / f"{module.replace('.', '/')}.py").read_text())
-    (found,) = (node for node in tree.body if getattr(node, "name", "") == name)
+    functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+    (found,) = (function for function in functions if function.name == name)
     return _sentence((ast.get_docstring(found) or "").partition("\n\n")[0])
 
 

@@ -336,15 +336,16 @@ def markdown(rows: Iterable[Mapping[str, object]]) -> str:
     return f"{markdown_table(texts)}\n" if texts else "Not measured.\n"
 
 
+def _metrics(table: MetricTable, results: Results) -> str:
+    return markdown(table.rows(results.metrics))
+
+
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
         for table in (*(origin, times, costs, health, health_fast, learning_group, registration),)
     },
-    **{
-        name: lambda results, table=table: markdown(table.rows(results.metrics))
-        for name, table in METRIC_TABLES.items()
-    },
+    **{name: partial(_metrics, table) for name, table in METRIC_TABLES.items()},
 }
 
 

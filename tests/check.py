@@ -26,7 +26,8 @@ def main() -> int:
         return 0
     print(f"{len(files)} files of tests are within reach, the nearest {MOST_FILES} are run.")
     command = [sys.executable, "-m", "pytest", "-q", "--seconds", str(asked.seconds)]
-    command += ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder", *files[:MOST_FILES]]
+    command += ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
+    command += map(str, files[:MOST_FILES])
     return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 

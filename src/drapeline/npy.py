@@ -1,11 +1,11 @@
 """Headers of `.npy` arrays read strictly: what an array will be is known before memory is taken."""
 
+import io
 import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import BinaryIO
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Header:
         return math.prod(self.shape) * self.dtype.itemsize
 
 
-def read_header(stream: BinaryIO) -> Header:
+def read_header(stream: io.BufferedIOBase) -> Header:
     """Read the header at the start of a stream.
 
     Raises:
@@ -98,14 +98,14 @@ def plain_dtype(name: str) -> np.dtype:
     return dtype
 
 
-def read_array(stream: BinaryIO, header: Header) -> np.ndarray:
+def read_array(stream: io.BufferedIOBase, header: Header) -> np.ndarray:
     """The array after its header.
 
     Raises:
         HeaderError: the stream ends before the array does.
     """
     flat = np.zeros(math.prod(header.shape), header.dtype)
-    view = memoryview(flat.view(np.uint8)) if flat.nbytes else memoryview(b"")
+    view = flat.view(np.uint8).data if flat.nbytes else memoryview(b"")
     place = 0
     while place < flat.nbytes:
         read = stream.readinto(view[place : place + (1 << 20)])
@@ -118,6 +118,16 @@ def read_array(stream: BinaryIO, header: Header) -> np.ndarray:
 
 
 _KIND = re.compile(r"(\w+?)(\|nan)?(?:<(\w+))?")
+
+
+def _parts(kind: str) -> tuple[str, str | None, str | None]:
+    """Word, "|nan" and limit of a declaration such as "int<f" or "float|nan"."""
+    match = _KIND.fullmatch(kind)
+    if match is None:
+        raise ValueError(f"'{kind}' declares no array")
+    return match[1], match[2], match[3]
+
+
 _WORDS = {"int": "whole numbers", "bool": "truth values", "str": "text", "any": "values"}
 
 
@@ -143,7 +153,7 @@ class Declared:
             HeaderError: says what was found and expected.
         """
         kind, *axes = form.split()
-        word = _KIND.fullmatch(kind)[1]
+        word = _parts(kind)[0]
         # NumPy makes empty lists float64, whatever they would hold.
         right_kind = header.dtype.kind in KINDS[word] or 0 in header.shape
         if not right_kind or not self._fit(header.shape, axes):
@@ -175,7 +185,7 @@ class Declared:
         Raises:
             HeaderError: says which.
         """
-        _, may_be_nan, limit = _KIND.fullmatch(form.split()[0]).groups()
+        _, may_be_nan, limit = _parts(form.split()[0])
         if not array.size:
             return
         if array.dtype.kind == "b" and array.view(np.uint8).max() > 1:

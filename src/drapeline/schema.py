@@ -6,7 +6,7 @@ Importing pandas takes half a second: jobs that make no tables do not import thi
 import math
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -14,8 +14,8 @@ import pandas as pd
 from drapeline.errors import DamagedFile, InputError
 from drapeline.storage import read_rows, write_rows
 
-Table = pd.DataFrame
-_KINDS = {int: np.int64, float: float}  # of numbers; a whole number has 64 bits
+Table: TypeAlias = pd.DataFrame
+_KINDS: dict[type, type] = {int: np.int64, float: float}  # of numbers; a whole number has 64 bits
 _WORDS = {str: "text", int: "a whole number", float: "a number"}
 _UNMEASURED = frozenset({"", "-", "NA", "nan"})
 

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 
-def rng_for(seed: int, *names: str | int) -> np.random.Generator:
+def rng_for(seed: int, *names: str | float) -> np.random.Generator:
     """Generator for a single purpose that depends on `seed` and `names`, and on no other calls.
 
     Args:

@@ -85,7 +85,8 @@ def _with_default(part: Mapping[str, Any], default: Any) -> dict[str, Any]:
     """With defaults of the keys in place of a default of their group."""
     if not isinstance(default, Mapping) or "properties" not in part:
         # 1 is left as it was written; among those of a group it is 1.0.
-        return part if part.get("default", ...) == default else {**part, "default": default}
+        same = part.get("default", ...) == default
+        return dict(part) if same else {**part, "default": default}
     if "overrides" in part:
         own = {key: value for key, value in default.items() if value is not None}
         keys = {
@@ -248,7 +249,8 @@ def _sentence(cls: type[Settings], values: Mapping[str, Any], error: ValidationE
         return f"{cls.__name__}: {unknown_setting(name, name, cls.model_fields)}"
     if first["type"] == "missing":
         return f"{cls.__name__}: {name} is missing, expected {cls.model_fields[name].description}"
-    schema, path, value = cls.schema_of_config(), [], values
+    schema, value = cls.schema_of_config(), dict[Any, Any](values)
+    path: list[str] = []
     for step in first["loc"]:
         inner = schema["items"] if isinstance(step, int) else schema.get("properties", {}).get(step)
         if inner is None:  # one of several types, or none of a config's keys

@@ -21,7 +21,7 @@ from dataclasses import fields, is_dataclass
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from pathlib import Path
-from typing import IO, Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -296,7 +296,7 @@ def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
         size, expected = os.fstat(stream.fileno()).st_size, header.size + header.nbytes
         if size != expected:
             raise DamagedFile(path, f"{size} bytes, expected {expected} as its header says")
-        order = "F" if header.fortran else "C"
+        order: Literal["F", "C"] = "F" if header.fortran else "C"
         if not header.nbytes:
             return np.zeros(header.shape, header.dtype, order)
         return np.memmap(path, header.dtype, "r", header.size, header.shape, order)
@@ -420,7 +420,7 @@ def load_npz(
     path = Path(path)
     with _members(path, table) as (archive, members):
         _refuse_bomb(path, members.values())
-        forms = {key: _form_of(key, table) for key in members}
+        forms = {key: form for key in members if (form := _form_of(key, table)) is not None}
         declared, arrays = Declared(sizes), _Arrays(path)
         for key, info in members.items():
             whole = key not in unread and info.file_size <= _SMALL
@@ -448,7 +448,7 @@ def forms_of(record: type) -> dict[str, str]:
     """
     forms: dict[str, str] = {}
     for name, hint in get_type_hints(record, include_extras=True).items():
-        if is_dataclass(hint):
+        if isinstance(hint, type) and is_dataclass(hint):
             forms |= forms_of(hint)
         else:
             forms[name] = get_args(hint)[1] if get_origin(hint) is Annotated else _PLAIN[hint]
@@ -480,7 +480,7 @@ def load_record(path: str | Path, record: type[Record], **instead: str) -> Recor
 def _of_arrays(record: type[Record], arrays: Mapping[str, np.ndarray]) -> Record:
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(record).items():
-        if is_dataclass(hint):
+        if isinstance(hint, type) and is_dataclass(hint):
             values[name] = _of_arrays(hint, arrays)
         elif get_origin(hint) is tuple:
             values[name] = tuple(map(str, arrays[name]))
@@ -530,18 +530,19 @@ def _naming(path: Path, key: str) -> Iterator[None]:
 _SMALL = 1 << 16
 
 
-def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> IO[bytes]:
+def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> io.BufferedIOBase:
     # Other methods need memory that the file does not tell.
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise HeaderError("is packed in a way that NumPy does not use")
-    stream = archive.open(info)
+    # It can read into an array, which no annotation of `zipfile` says.
+    stream = cast(io.BufferedIOBase, archive.open(info))
     if not whole:
         return stream
     with stream:  # read at once, which is faster than in pieces
         return io.BytesIO(stream.read(info.file_size))
 
 
-def _checked_header(stream: IO[bytes], info: zipfile.ZipInfo) -> Header:
+def _checked_header(stream: io.BufferedIOBase, info: zipfile.ZipInfo) -> Header:
     header = read_header(stream)
     if header.size + header.nbytes != info.file_size:
         raise HeaderError(

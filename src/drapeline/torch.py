@@ -102,12 +102,12 @@ class OutfitBatch(NamedTuple):
 
     def to(self, device: torch.device | str, *, non_blocking: bool = False) -> "OutfitBatch":
         """The batch with its tensors on a device."""
-        return OutfitBatch(
-            *(
-                x.to(device, non_blocking=non_blocking) if isinstance(x, torch.Tensor) else x
-                for x in self
-            )
-        )
+        moved: dict[str, Any] = {
+            name: part.to(device, non_blocking=non_blocking)
+            for name, part in self._asdict().items()
+            if isinstance(part, torch.Tensor)
+        }
+        return self._replace(**moved)
 
     def unpack(self, values: torch.Tensor) -> list[torch.Tensor]:
         """Values (..., V, C) of all vertices, such as predicted positions -> M tensors."""
@@ -224,6 +224,7 @@ def collate(items: Sequence[OutfitFrames]) -> OutfitBatch:
     )
     vertex_count = torch.tensor([len(x) for x in rest])
     first = vertex_count.cumsum(0) - vertex_count
+    bodies = [item.body for item in items if item.body is not None]
     return OutfitBatch(
         sample=[item.sample for item in items],
         frame=torch.tensor([item.frame for item in items]),
@@ -235,7 +236,7 @@ def collate(items: Sequence[OutfitFrames]) -> OutfitBatch:
         face_count=torch.tensor([len(x) for x in faces]),
         item=torch.repeat_interleave(torch.tensor([len(item.garments) for item in items])),
         mesh=torch.repeat_interleave(vertex_count),
-        body=None if items[0].body is None else torch.stack([item.body for item in items]),
+        body=torch.stack(bodies) if bodies else None,
         **{
             key: torch.stack([getattr(item, key) for item in items])
             for key in ("poses", "trans", "shape", "gender", "tightness")

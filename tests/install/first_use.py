@@ -13,10 +13,9 @@ ROOT = Path(__file__).parents[2]
 READ = """
 import sys, warnings
 warnings.simplefilter("error")
-from drapeline.bodies.model import load_body
-from drapeline.dataset.reader import Cloth3D
+import drapeline
 folder, body = sys.argv[1:]
-data = Cloth3D(folder, bodies=dict.fromkeys(("female", "male"), load_body(body)))
+data = drapeline.open_dataset(folder, bodies=dict.fromkeys(("female", "male"), body))
 with data[0] as sample:
     assert sample.vertices("Skirt", 0, 2).shape == (2, 80, 3)
     assert sample.mesh("Skirt").triangles.shape[1] == 3
@@ -25,14 +24,15 @@ with data[0] as sample:
 # Arguments: a folder of samples, a trained model.
 TORCH = """
 import sys
-from drapeline.dataset.reader import Cloth3D
-from drapeline.models.load import load
+import drapeline
 from drapeline.torch import FrameDataset, make_loader
 folder, model = sys.argv[1:]
-(batch,) = make_loader(FrameDataset(Cloth3D(folder)), 99, seed=0)
+(batch,) = make_loader(FrameDataset(drapeline.open_dataset(folder)), 99, seed=0)
 assert set(batch.garment) == {"Skirt", "Tshirt"}
-(garment,) = load(model).sample(1)
+(garment,) = drapeline.load(model).sample(1)
 assert len(garment.body.faces)
+for name in drapeline.__all__:
+    getattr(drapeline, name)
 """
 # No arguments.
 PIPELINE = """

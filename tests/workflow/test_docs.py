@@ -4,6 +4,7 @@ Its pages are of four kinds, kept apart by folder, and all can be reached from d
 """
 
 import ast
+import json
 import re
 import shlex
 from functools import cache
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import drapeline
 from drapeline.experiment.config import fill_settings
 from toys.schema import SCHEMA
 
@@ -20,7 +22,7 @@ SOURCE = ROOT / "src"
 PAGES = [
     ROOT / "README.md",
     *(ROOT / name / "README.md" for name in ("config", "examples", "workflow/resources/motions")),
-    ROOT / "CHANGELOG.md",
+    *(ROOT / f"{name}.md" for name in ("CHANGELOG", "CONTRIBUTING")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 SMK = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
@@ -35,8 +37,9 @@ def definitions(module: str) -> dict[str, ast.AST] | None:
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     if not file.is_file():
         return None
-    found: dict[str, ast.AST] = {}
-    for node in ast.parse(file.read_text()).body:
+    tree = ast.parse(file.read_text())
+    found = dict.fromkeys(drapeline.__all__, tree) if module == "drapeline" else {}
+    for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             found[node.name] = node
         elif isinstance(node, ast.Assign | ast.AnnAssign):
@@ -86,6 +89,55 @@ def test_imports_in_examples_exist(page):
                 for alias in node.names:
                     name = f"{node.module}.{alias.name}"
                     assert exists(name), f"{page.name} imports {name}"
+
+
+SHORT = {"drapeline", "drapeline.torch"}
+OF_USERS = [page for page in PAGES if page.name not in {"extending.md", "CHANGELOG.md"}]
+NOTEBOOK = json.loads((ROOT / "examples/tour.ipynb").read_text())
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        *(
+            "".join(block for lang, block in FENCED.findall(p.read_text()) if lang == "python")
+            for p in OF_USERS
+        ),
+        "\n".join("".join(c["source"]) for c in NOTEBOOK["cells"] if c["cell_type"] == "code"),
+    ],
+    ids=[*(str(page.relative_to(ROOT)) for page in OF_USERS), "tour.ipynb"],
+)
+def test_code_for_users_takes_public_names_alone(code):
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("drapeline"):
+            assert node.module in SHORT
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "drapeline":
+            assert node.attr in drapeline.__all__
+        elif isinstance(node, ast.Import):
+            named = {alias.name for alias in node.names}
+            assert {name for name in named if name.startswith("drapeline")} <= SHORT
+
+
+def sections(page: Path, *headings: str) -> str:
+    """Python of sections of a page, one after another."""
+    parts = re.split(r"^## (.*)$", page.read_text(), flags=re.MULTILINE)
+    texts = dict(zip(parts[1::2], parts[2::2], strict=True))
+    blocks = (FENCED.findall(texts[heading]) for heading in headings)
+    return "".join(block for found in blocks for language, block in found if language == "python")
+
+
+def test_motions_simulations_and_measures_of_the_library_run_as_they_stand(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    code = sections(ROOT / "docs/reference/api.md", "Motions", "Simulations", "Measures")
+    saved = []
+    monkeypatch.setattr(drapeline, "save_motion", lambda *given: saved.append(given))
+    names = {}
+    exec(compile(code, "api.md", "exec"), names)
+    assert [path for path, _ in saved] == ["jump.npz"]
+    assert set(names["worn"].garments) == {"Tshirt", "Skirt"}
+    assert len(names["shirt"].frames) == len(names["worn"].body) == 6
+    assert names["picture"].shape == (290, 250, 3)
+    assert names["errors"]["vertex_error_mm"] == 0
 
 
 @pages
@@ -166,11 +218,13 @@ def test_pages_are_of_four_kinds():
 def test_the_index_links_to_every_page():
     index = ROOT / "docs/README.md"
     linked = {(index.parent / target.partition("#")[0]).resolve() for target in links(index)}
-    assert linked == {path.resolve() for path in (ROOT / "docs").rglob("*.md")} - {index}
+    pages = {path.resolve() for path in (ROOT / "docs").rglob("*.md")} - {index}
+    assert linked == {*pages, ROOT / "CONTRIBUTING.md"}
 
 
-def test_the_readme_leads_to_the_index_and_the_tutorial():
-    assert {"docs/README.md", "docs/tutorial.md"} <= set(links(ROOT / "README.md"))
+def test_the_readme_leads_to_the_index_the_tutorial_and_contributors():
+    expected = {"docs/README.md", "docs/tutorial.md", "CONTRIBUTING.md"}
+    assert expected <= set(links(ROOT / "README.md"))
 
 
 def commands(page: Path) -> list[list[str]]:

@@ -67,7 +67,7 @@ class BlenderCloth:
         colliders = bpy.data.collections.new("body")
         colliders.objects.link(wearer)
         if body.floor_m is not None:
-            squares = [np.float32(_FLOOR + [0, 0, height]) for height in body.floor_m]
+            squares = [(_FLOOR + [0, 0, height]).astype(np.float32) for height in body.floor_m]
             quad = np.arange(4)[None]
             colliders.objects.link(self._add_collider("floor", squares, quad, attempt, scratch))
         cloths = []

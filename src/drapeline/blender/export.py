@@ -76,7 +76,7 @@ def _define_mesh(stage: Any, part: ScenePart) -> Any:
     mesh.CreateFaceVertexIndicesAttr(_array(Vt.IntArray, faces.ravel()))
     mesh.CreateDisplayColorAttr([Gf.Vec3f(*part.linear_colour)])
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    if part.mesh.uv is not None:
+    if part.mesh.uv is not None and part.mesh.uv_faces is not None:
         uv = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
@@ -121,7 +121,7 @@ def _animate(stage: Any, mesh: Any, part: ScenePart) -> None:
         stage.Save()  # lets go of the frames so far
 
 
-def _array(kind: type, values: np.ndarray) -> Any:
+def _array(kind: Any, values: np.ndarray) -> Any:
     dtype = np.int32 if kind is Vt.IntArray else np.float32
     return kind.FromNumpy(np.ascontiguousarray(values, dtype=dtype))
 

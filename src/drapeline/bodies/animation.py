@@ -1,6 +1,6 @@
 """Animate a body: put a motion on a shape and free it of self-collisions (CLOTH3D 3.1)."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -161,7 +161,10 @@ def first_free_sequence(
         poses=np.array(poses, dtype=np.float64),
         trans=path,
         outcome=_outcome(
-            solution.unsolved().any(), freed.thinned, bool(solution.removed), collided.any()
+            deep=bool(solution.unsolved().any()),
+            thinned=freed.thinned,
+            removed=bool(solution.removed),
+            collided=bool(collided.any()),
         ),
         reason=_reason(solution),
         thinned=freed.thinned,
@@ -262,7 +265,7 @@ def _solve(
     poses: np.ndarray,
     removable: str | None,
     gap_m: float,
-    order: Sequence[int] | None = None,
+    order: np.ndarray | None = None,
 ) -> _Freed:
     """Press parts apart, or leave those out that may be, until it is seen that neither helps.
 

@@ -36,7 +36,7 @@ def axis_angle_to_matrix(axis_angle: Array) -> Array:
     x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
     zero = xp.zeros_like(x)
     cross = xp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
-    cross = xp.reshape(cross, (*x.shape, 3, 3))
+    cross = xp.reshape(cross, (*axis_angle.shape[:-1], 3, 3))
     angle = angle[..., None]
     identity = identity_like(axis_angle)
     return identity + xp.sin(angle) * cross + (1 - xp.cos(angle)) * (cross @ cross)

@@ -165,7 +165,7 @@ _STEEP = wp.constant(wp.float64(0.5))
 
 
 @wp.func
-def _area_vector(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+def _area_vector(points: wp.array[wp.vec3], face: wp.vec3i):
     a = points[face[0]]
     vector = wp.cross(points[face[1]] - a, points[face[2]] - a)
     return wp.vec3d(wp.float64(vector[0]), wp.float64(vector[1]), wp.float64(vector[2]))
@@ -179,16 +179,16 @@ def _way(start: wp.vec3, end: wp.vec3):
 
 @wp.kernel
 def _mark_inside(
-    points: wp.array(dtype=wp.vec3),
-    before: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=wp.vec3i),
-    first_face: wp.array(dtype=int),  # of each vertex, in the list of
-    face_numbers: wp.array(dtype=int),
-    asked: wp.array(dtype=int),
-    question: wp.array(dtype=int),
-    others: wp.array(dtype=int),
-    first_other: wp.array(dtype=int),  # of each question
-    inside: wp.array(dtype=int),
+    points: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
+    faces: wp.array[wp.vec3i],
+    first_face: wp.array[int],  # of each vertex, in the list of
+    face_numbers: wp.array[int],
+    asked: wp.array[int],
+    question: wp.array[int],
+    others: wp.array[int],
+    first_other: wp.array[int],  # of each question
+    inside: wp.array[int],
 ):
     i = wp.tid()
     point = points[asked[i]]
@@ -317,7 +317,7 @@ def solve_self_collisions(
     *,
     gap_m: float,
     cures: Sequence[frozenset[str]] | None = None,
-    order: Sequence[int] | None = None,
+    order: Iterable[int] | None = None,
 ) -> Solution:
     """Separate colliding parts in every frame.
 
@@ -410,7 +410,8 @@ def _solve_frame(
     for turn in range(PASSES + 1):
         # Of the pass's beginning, so that the order of the pairs does not matter.
         before = vertices.copy()
-        crossing, pressed = [], set()
+        crossing: list[int] = []
+        pressed: set[int] = set()
         members = pair_parts[active].tolist()
         find = partial(_meetings, vertices, before, parts, places, find_inside)
         for pair, both, found in zip(active, members, find(members), strict=True):

@@ -107,14 +107,23 @@ class _Stack:
             while (above := objects.pop()) is not None:
                 walked += above.size
         for _ in range(one.takes - (one.name in _ADDS)):
-            walked += objects.pop().size
+            walked += self._take().size
         self._left -= walked
         if self._left < 0:
             raise ValueError("its objects hold one another too often")
         if one.name in _ADDS:
-            objects[-1].size += walked
+            held = self._take()
+            held.size += walked
+            objects.append(held)
         elif one.gives:
             objects.append(_Made(1 + size // 8 + walked))
+
+    def _take(self) -> _Made:
+        """The topmost object."""
+        made = self._objects.pop()
+        if made is None:
+            raise LookupError("a mark, not an object")
+        return made
 
 
 def pickle_end(data: bytes, start: int = 0) -> int:
@@ -142,7 +151,7 @@ def pickle_end(data: bytes, start: int = 0) -> int:
             return end
         try:
             stack.carry_out(one, index, end - begin)
-        except (AttributeError, IndexError, KeyError):
+        except LookupError:
             raise ValueError(
                 f"{one.name} at byte {begin - 1} asks for an object that is not there"
             ) from None
@@ -404,7 +413,7 @@ def _unwrap(value: Any) -> Any:
     state = value.state
     if name in ("csc_matrix", "csr_matrix"):
         build = {"csc_matrix": csc_matrix, "csr_matrix": csr_matrix}[name]
-        rows, columns = (int(n) for n in state.get("_shape", state.get("shape")))
+        rows, columns = (int(n) for n in state["_shape" if "_shape" in state else "shape"])
         if rows * columns > _MOST_DENSE:
             raise ValueError(f"a matrix of {rows} x {columns}")
         parts = tuple(_entries(state[key]) for key in ("data", "indices", "indptr"))

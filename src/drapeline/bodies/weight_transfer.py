@@ -31,8 +31,8 @@ def _before(a: wp.float64, i: int, b: wp.float64, j: int):
 
 @wp.func
 def _sink(
-    squared: wp.array1d(dtype=wp.float64),
-    found: wp.array1d(dtype=int),
+    squared: wp.array[wp.float64],
+    found: wp.array[int],
     top: int,
     away: wp.float64,
     index: int,
@@ -57,15 +57,15 @@ def _sink(
 
 @wp.kernel
 def _search(
-    points: wp.array1d(dtype=wp.vec3d),
-    index: wp.array1d(dtype=int),
-    start: wp.array1d(dtype=int),
+    points: wp.array[wp.vec3d],
+    index: wp.array[int],
+    start: wp.array[int],
     cells: wp.vec3i,
     side: wp.float64,
-    places: wp.array1d(dtype=wp.vec3d),
-    at: wp.array1d(dtype=wp.vec3i),
-    squared: wp.array2d(dtype=wp.float64),
-    chosen: wp.array2d(dtype=int),
+    places: wp.array[wp.vec3d],
+    at: wp.array[wp.vec3i],
+    squared: wp.array2d[wp.float64],
+    chosen: wp.array2d[int],
 ):
     """One thread per place looks into cells from ring to ring and keeps a heap, farthest on top.
 
@@ -213,7 +213,7 @@ def interpolated_weights(
     neighbours: int = 256,
     passes: int = 100,
     step: float = 0.1,
-    power: Literal[1, 2] = 1,
+    power: int = 1,
     coincident: Literal["vertex", "released"] = "vertex",
 ) -> np.ndarray:
     """Equation 2 of Garment4D: (N, 24) float32 W_g = W_g^K I_w, smoothed over the garment.

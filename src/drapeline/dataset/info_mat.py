@@ -186,10 +186,10 @@ def _outfit(path: str | Path, outfit: Any) -> dict[str, dict[str, Any]]:
         return {}
     for name, garment in outfit.items():
         check_name(name, f"{path}: a garment")
-        texture = garment.get("texture") if isinstance(garment, dict) else None
-        fabric = garment.get("fabric", "") if isinstance(garment, dict) else None
-        kind = texture.get("type") if isinstance(texture, dict) else None
-        if not isinstance(kind, str) or not isinstance(fabric, str):
+        told = garment if isinstance(garment, dict) else {}
+        texture, fabric = told.get("texture"), told.get("fabric", "")
+        texture = texture if isinstance(texture, dict) else {}
+        if not isinstance(texture.get("type"), str) or not isinstance(fabric, str):
             raise DamagedFile(
                 path, f"{name} is {garment!r:.100}, expected a texture with a type, and a fabric"
             )

@@ -133,8 +133,8 @@ class CloudSampler:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw `count` points uniformly by area from the surface that the cameras see."""
         all_vertices = np.concatenate(vertices).astype(np.float32)
-        mesh = self._move_mesh(all_vertices, [len(v) for v in vertices])
-        a, b, c = (all_vertices.take(ids, axis=0) for ids in self._corners.T)
+        mesh, corners = self._move_mesh(all_vertices, [len(v) for v in vertices])
+        a, b, c = (all_vertices.take(ids, axis=0) for ids in corners.T)
         cross = np.cross(b - a, c - a)
         double_area = np.linalg.norm(cross, axis=1)
         cumulative_area = np.cumsum(double_area, dtype=np.float64)
@@ -164,7 +164,7 @@ class CloudSampler:
         order = rng.permutation(len(points))[:count]
         return points[order], labels[order]
 
-    def _move_mesh(self, vertices: np.ndarray, counts: Sequence[int]) -> wp.Mesh:
+    def _move_mesh(self, vertices: np.ndarray, counts: Sequence[int]) -> tuple[wp.Mesh, np.ndarray]:
         if self._corners is None:
             starts = np.cumsum([0, *counts])[:-1]
             self._corners = np.concatenate(
@@ -175,7 +175,7 @@ class CloudSampler:
         else:
             move_mesh(self._mesh, vertices)
         self._frames += 1
-        return self._mesh
+        return self._mesh, self._corners
 
     def _find_visible(
         self, mesh: wp.Mesh, points: np.ndarray, normals: np.ndarray, face: np.ndarray
@@ -226,12 +226,12 @@ def _is_visible_from(
 @wp.kernel
 def _mark_visible(
     mesh: wp.uint64,
-    label: wp.array(dtype=wp.uint8),
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    face: wp.array(dtype=int),
-    cameras: wp.array(dtype=wp.vec3),
-    visible: wp.array(dtype=wp.bool),
+    label: wp.array[wp.uint8],
+    points: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
+    face: wp.array[int],
+    cameras: wp.array[wp.vec3],
+    visible: wp.array[wp.bool],
 ):
     index = wp.tid()
     point = points[index]

@@ -33,6 +33,38 @@ Frame = Literal["world", "root"]
 _BLOCK = 32  # points
 
 
+def open_dataset(
+    root: str | Path,
+    split: str | None = None,
+    *,
+    bodies: "Mapping[str, BodyModel | str | Path] | None" = None,
+    rest_turned: bool = True,
+) -> "Cloth3D":
+    """Open a dataset in CLOTH3D's format, drapeline's own or the original download.
+
+    Nothing is read before it is asked for.
+
+    Args:
+        root: contains samples (`{id}/info.mat`) or folders of samples (`train/{id}/info.mat`).
+        split: the folder under `root` to read, such as "train"; all folders if None.
+        bodies: gender -> body, or its file, such as SMPL's `.npz` or `.pkl`, for datasets that
+            store no bodies, as the original download does not.
+        rest_turned: whether the rest meshes of samples without a `meta.json` are rotated by
+            `zrot`: True for the full CLOTH3D release, False for the samples of its starter kit.
+
+    Raises:
+        InputError: the folder does not exist or contains no sample, or a body cannot be read.
+    """
+    models = {}
+    for gender, body in (bodies or {}).items():
+        if isinstance(body, str | Path):
+            from drapeline.bodies.model import load_body  # here, because few datasets need it
+
+            body = load_body(body)
+        models[gender] = body
+    return Cloth3D(root, split, bodies=models, rest_turned=rest_turned)
+
+
 class Cloth3D:
     """A dataset: a folder of CLOTH3D samples, or of splits that contain samples.
 

@@ -1,5 +1,7 @@
 """The meshes of a sample, body and garments, moving in the world frame."""
 
+from functools import partial
+
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
@@ -14,13 +16,13 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
         )
     for name in sample.garments:
         texture = sample.info.outfit.get(name, {}).get("texture", {})
-        colour = tuple(map(float, texture["data"])) if "data" in texture else PLAIN_COLOUR
+        red, green, blue = map(float, texture.get("data", PLAIN_COLOUR))
         parts.append(
             ScenePart(
                 name,
                 sample.mesh(name),
-                colour,
-                lambda start, stop, name=name: sample.vertices(name, start, stop),
+                (red, green, blue),
+                partial(sample.vertices, name),
                 len(sample),
             )
         )

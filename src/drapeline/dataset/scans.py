@@ -134,7 +134,7 @@ def read_scans(
 
 
 def to_scans(
-    points: Sequence[np.ndarray],
+    points: Sequence[np.ndarray] | np.ndarray,
     parameters: Mapping[str, object],
     bodies: Mapping[str, BodyModel],
     *,
@@ -342,11 +342,9 @@ def _read_frames(path: Path) -> list[Scan]:
             f"{path}: labels have shape {labels.shape}, expected {points.shape[:-1]}, one for each"
             " point"
         )
-    parts = [None if one is None else _split(one, ends) for one in (points, labels)]
-    return [
-        Scan(frame, None, None if parts[1] is None else parts[1][index])
-        for index, frame in enumerate(parts[0])
-    ]
+    frames = _split(points, ends)
+    parts = [None] * len(frames) if labels is None else _split(labels, ends)
+    return [Scan(frame, None, part) for frame, part in zip(frames, parts, strict=True)]
 
 
 def _split(array: np.ndarray, ends: np.ndarray | None) -> list[np.ndarray]:

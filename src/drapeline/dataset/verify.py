@@ -27,7 +27,8 @@ def verify_results(root: str | Path) -> int:
     manifests = dict(_manifests(root))
     if not manifests:
         raise InputError(f"{root}: no {MANIFEST} below it, expected a dataset or a trained model")
-    count, found = 0, []
+    count = 0
+    found: list[DamagedFile] = []
     for folder, name in progress(manifests.items(), label="folders"):
         try:
             count += len(read_manifest(folder / name))

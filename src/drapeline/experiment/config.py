@@ -3,7 +3,7 @@
 import copy
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from jsonschema import Draft202012Validator
@@ -83,8 +83,10 @@ def _refuse_strange_values(settings: Mapping[str, Any], source: str) -> None:
         key, value = waiting.pop()
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{source}: {key} is {value}, expected a finite number")
-        inner = value.items() if isinstance(value, Mapping) else ()
-        if isinstance(value, list | tuple | set):
+        inner: Iterable[tuple[Any, Any]] = ()
+        if isinstance(value, Mapping):
+            inner = value.items()
+        elif isinstance(value, list | tuple | set):
             inner = enumerate(value)
         waiting += [(f"{key}.{name}" if key else str(name), part) for name, part in inner]
     raise InputError(f"{source}: holds more than {_MOST_VALUES} values, expected fewer aliases (*)")

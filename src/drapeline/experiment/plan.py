@@ -4,8 +4,9 @@ What a sample is depends on the seed, its group and its number, not on how many 
 whoever asks for more keeps those that he has.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,9 +65,7 @@ def plan_moving(
         sample = f"{prefix}{number + 1:05d}"
         piece = pieces(number, sample)
         split = splits[piece.sequence]
-        plans.append(
-            SamplePlan(sample=sample, split=split, **dressing.next_in(split), **piece._asdict())
-        )
+        plans.append(SamplePlan(sample, *dressing.next_in(split), split, **piece._asdict()))
     return plans
 
 
@@ -87,7 +86,7 @@ def plan_at_rest(
         split = _emptiest(shares, filled, number + 1)
         filled[split] += 1
         sample = f"{prefix}{number + 1:05d}"
-        plans.append(SamplePlan(sample=sample, split=split, **dressing.next_in(split)))
+        plans.append(SamplePlan(sample, *dressing.next_in(split), split))
     return plans
 
 
@@ -129,7 +128,7 @@ def split_clips(
     """
     rng, parts = rng_for(seed, "split", group), _with_train(shares)
     first = [split for split in ("train", "test", "val") if split in parts]
-    total, filled = 0.0, Counter[str]()
+    total, filled = 0.0, defaultdict[str, float](float)
     split_of = {}
     for clip, size in sizes.items():
         total += size
@@ -158,8 +157,8 @@ class _Dressing:
             wardrobe.outfit_types, male_skirts=wardrobe.male_skirts, males=males
         )
 
-    def next_in(self, split: str) -> dict[str, str]:
-        """`gender` and `outfit_type` of the next sample of a split.
+    def next_in(self, split: str) -> tuple[str, str]:
+        """Gender and outfit type of the next sample of a split.
 
         It wears what its split has used least so far. Small splits then wear the first types of
         the list, so that a garment type which is tested was trained too.
@@ -177,7 +176,7 @@ class _Dressing:
             seen[outfit_type] += 1
         place = min(places, key=self._used.__getitem__)
         self._used[place] += 1
-        return {"gender": gender, "outfit_type": place[1]}
+        return gender, place[1]
 
 
 def is_female(number: int, share: float) -> bool:
@@ -190,7 +189,8 @@ def is_female(number: int, share: float) -> bool:
     return (start + number * _GOLDEN) % 1 < share
 
 
-class Pieces(NamedTuple):
+@dataclass(frozen=True)
+class Pieces:
     """Pieces of clips for a group's samples."""
 
     of_sample: Callable[[int, str], ClipPiece]  # number and id of a sample -> its piece

@@ -4,7 +4,7 @@ Room by room they are declared beside what they are for; here they get their pla
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import create_model
 
@@ -20,7 +20,7 @@ from drapeline.simulation.settings import HealthBounds, SimulationSettings
 # Names of cloth solvers.
 Solver = Literal["blender", "xpbd"]
 # Of a group; without one, garments stay at rest.
-GroupSolver = Literal[(*get_args(Solver), "none")]
+GroupSolver = Literal[Solver, "none"]
 _Path = Annotated[str, Field(min_length=1)]
 _Outfit = Annotated[str, OneOf(OUTFIT_TYPES)]
 _Sequence = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
@@ -167,7 +167,7 @@ class Overrides(Settings):
     model_config = ConfigDict(json_schema_extra={"overrides": True})
 
 
-def _overrides(place: str, common: type[Settings], *but: str) -> type[Overrides]:
+def _overrides(place: str, common: type[Settings], *but: str) -> Any:
     """Settings that a group may have of its own.
 
     Args:
@@ -229,9 +229,10 @@ class Group(Settings):
         False,
         description="Whether the samples are part of the dataset and have pictures of their own.",
     )
-    motions: OwnMotions = OwnMotions()
-    outfits: OwnOutfits = OwnOutfits()
-    simulation: OwnSimulation = OwnSimulation()
+    # No class is written for these: they have the fields of others.
+    motions: OwnMotions = OwnMotions()  # type: ignore[valid-type]
+    outfits: OwnOutfits = OwnOutfits()  # type: ignore[valid-type]
+    simulation: OwnSimulation = OwnSimulation()  # type: ignore[valid-type]
 
 
 class Groups(Settings):

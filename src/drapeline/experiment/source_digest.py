@@ -17,7 +17,7 @@ from functools import cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from drapeline.errors import InputError
 from drapeline.storage import read_json, write_json
@@ -142,7 +142,7 @@ class Sources:
 
     def piece(self, node: "_Node") -> "_Piece":
         """The code of a node."""
-        definition = self.module(node.path).definitions[node.index]
+        definition = self.module(node.path).definitions[node.place]
         return definition.methods[node.method] if node.method else definition.piece
 
     def _read_module(self, path: Path) -> "_Module":
@@ -220,7 +220,7 @@ class Sources:
 
     def _find_called_by_bases(self, node: "_Node") -> set[str]:
         """Methods of a class that other packages call by their names; "*" for perhaps all."""
-        definition, called = self.module(node.path).definitions[node.index], set[str]()
+        definition, called = self.module(node.path).definitions[node.place], set[str]()
         for base in definition.bases:
             target = self._resolve(node.path, base) if base else _Target("?", ())
             if target is None:  # a builtin
@@ -246,7 +246,7 @@ class _Node(NamedTuple):
     """A definition of a module, or a method of a class."""
 
     path: Path  # of the module
-    index: int  # of its definition
+    place: int  # of its definition among those of the module
     method: str  # name, or ""
 
 
@@ -322,7 +322,7 @@ class _Reached:
             self._add(self._unused.pop(word))
 
     def _offer_methods(self, node: _Node) -> None:
-        definition = self._sources.module(node.path).definitions[node.index]
+        definition = self._sources.module(node.path).definitions[node.place]
         called = self._sources.called_by_bases(node).union(definition.called)
         for name in definition.methods:
             method = node._replace(method=name)
@@ -468,8 +468,8 @@ def _piece(statements: list[ast.stmt], own: set[str]) -> _Piece:
             case ast.Call() if _looks_up(node):
                 untraceable = True
     text = "\n".join(map(ast.unparse, statements))
-    used = (sorted(found - {""}) for found in (names, attributes, strings, patterns))
-    return _Piece(_sum(text), *used, imports, untraceable)
+    used = [sorted(found - {""}) for found in (names, attributes, strings, patterns)]
+    return _Piece(_sum(text), used[0], used[1], used[2], used[3], imports, untraceable)
 
 
 def _looks_up(call: ast.Call) -> bool:
@@ -524,11 +524,11 @@ def _is_ours(module: str) -> bool:
     return module.split(".")[0] == PACKAGE
 
 
-def _is_import(statement: ast.stmt) -> bool:
+def _is_import(statement: ast.stmt) -> TypeGuard[ast.Import | ast.ImportFrom]:
     return isinstance(statement, ast.Import | ast.ImportFrom)
 
 
-def _origins(statement: ast.stmt) -> list[list[str]]:
+def _origins(statement: ast.Import | ast.ImportFrom) -> list[list[str]]:
     """What an import binds: the name here, the module, and the name there, "" for a module."""
     found = []
     for alias in statement.names:
@@ -547,12 +547,12 @@ def _binds(statement: ast.stmt) -> list[str]:
     if isinstance(statement, (*_FUNCTIONS, ast.ClassDef)):
         return [statement.name]
     if isinstance(statement, ast.Assign | ast.AnnAssign):
-        targets = getattr(statement, "targets", None) or [statement.target]
+        targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
         parts = [part for target in targets for part in getattr(target, "elts", [target])]
         whole = all(isinstance(part, ast.Name | ast.Starred) for part in parts)
         return [_dotted(getattr(part, "value", part)) for part in parts] if whole else []
     return [
-        getattr(node, "name", None) or node.id
+        node.id if isinstance(node, ast.Name) else node.name
         for node in ast.walk(statement)
         if isinstance(node, (*_FUNCTIONS, ast.ClassDef))
         or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
@@ -567,7 +567,7 @@ def _strip(body: list[ast.stmt], imports: list[list[str]]) -> list[ast.stmt]:
         body: is changed.
         imports: the imports within are added to it.
     """
-    kept = []
+    kept: list[ast.stmt] = []
     for statement in _without_type_checking(body):
         if _is_import(statement):
             origins = _origins(statement)
@@ -583,9 +583,9 @@ def _strip(body: list[ast.stmt], imports: list[list[str]]) -> list[ast.stmt]:
         if isinstance(statement, _FUNCTIONS) and _is_plain(statement):
             _remove_annotations(statement)
         for part in (statement, *getattr(statement, "handlers", getattr(statement, "cases", []))):
-            for field in ("body", "orelse", "finalbody"):
-                if inner := getattr(part, field, None):
-                    setattr(part, field, _strip(inner, imports) or [ast.Pass()])
+            for name in ("body", "orelse", "finalbody"):
+                if inner := getattr(part, name, None):
+                    setattr(part, name, _strip(inner, imports) or [ast.Pass()])
         kept.append(statement)
     return kept
 
@@ -598,10 +598,12 @@ def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
 
 
 def _without_type_checking(body: list[ast.stmt]) -> list[ast.stmt]:
-    found = []
+    found: list[ast.stmt] = []
     for statement in body:
-        only = isinstance(statement, ast.If) and "TYPE_CHECKING" in ast.unparse(statement.test)
-        found += statement.orelse if only else [statement]
+        if isinstance(statement, ast.If) and "TYPE_CHECKING" in ast.unparse(statement.test):
+            found += statement.orelse
+        else:
+            found.append(statement)
     return found
 
 

@@ -61,8 +61,9 @@ class Hanger:
         with TemporaryDirectory() as scratch:
             folder = Path(scratch) / "hung"
             dressed = DressedBody(body, motion, outfit)
-            how = {"settings": self._settings, "bounds": self._bounds}
-            status = simulate_outfit(folder, dressed, self._solver, **how)
+            status = simulate_outfit(
+                folder, dressed, self._solver, settings=self._settings, bounds=self._bounds
+            )
             if status["status"] != "accepted":
                 return outfit, status["reason"]
             hung = tuple(_last_frame(folder, garment) for garment in outfit.garments)

@@ -95,13 +95,33 @@ def simulate_sheets(
     )
     even = np.zeros(2)  # the sheets are made for the wearer, not for a tighter or wider body
     outfit = Outfit(garments, record.shape, even, even, record.gender)
+    settings = simulation.replace(shape_frames=1)  # the body's shape stays
+    return move_outfit(DressedBody(body, record, outfit), solver, settings, bounds)
+
+
+def move_outfit(
+    dressed: DressedBody,
+    solver: ClothSolver,
+    settings: SimulationSettings,
+    bounds: HealthBounds,
+) -> dict[str, SimulatedSheet]:
+    """Garments in every frame of their wearer's motion, by name.
+
+    Args:
+        dressed: whom and what.
+        solver: moves the cloth.
+        settings, bounds: as of samples.
+
+    Raises:
+        InputError: the simulation is out of bounds.
+    """
+    garments = dressed.outfit.garments
     with TemporaryDirectory() as name:
         folder = Path(name) / "simulated"
-        dressed = DressedBody(body, record, outfit)
-        settings = simulation.replace(shape_frames=1)  # the body's shape stays
         status = simulate_outfit(folder, dressed, solver, settings=settings, bounds=bounds)
         if status["status"] != "accepted":
-            raise InputError(f"{' and '.join(sheets)}: {status['reason']}")
+            names = " and ".join(one.name for one in garments)
+            raise InputError(f"{names}: {status['reason']}")
         return {
             one.name: SimulatedSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
             for one in garments

@@ -13,9 +13,9 @@ _DEVICE = "cpu"
 @wp.kernel
 def _take_places(
     mesh: wp.uint64,
-    face: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    face: wp.array[int],
+    weights: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     # From a corner along the sides: sides are short, and round less than places do.
     index = wp.tid()
@@ -99,12 +99,12 @@ def _closest_weights(p: wp.vec3, a: wp.vec3, b: wp.vec3, c: wp.vec3) -> wp.vec3:
 @wp.kernel
 def _find_closest_facing(
     mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
     reach: float,
     least_cosine: float,
-    face: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    face: wp.array[int],
+    weights: wp.array[wp.vec3],
 ):
     # Search boxes grow until the best triangle is closer than their sides.
     index = wp.tid()

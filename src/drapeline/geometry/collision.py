@@ -14,7 +14,7 @@ _FAIRING = 10.0  # strength, see `fairing`
 
 
 @wp.kernel
-def _push_to_gap(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), push: wp.array(dtype=wp.vec3)):
+def _push_to_gap(mesh: wp.uint64, points: wp.array[wp.vec3], push: wp.array[wp.vec3]):
     index = wp.tid()
     point = points[index]
     hit = wp.mesh_query_point_no_sign(mesh, point, _DEEP_M)

@@ -14,7 +14,7 @@ _DEVICE = "cpu"
 
 
 @wp.kernel
-def _find_crossing(mesh: wp.uint64, pairs: wp.array(dtype=wp.vec2i), crossing: wp.array(dtype=int)):
+def _find_crossing(mesh: wp.uint64, pairs: wp.array[wp.vec2i], crossing: wp.array[int]):
     edge = wp.tid()
     points = wp.mesh_get(mesh).points
     corners = wp.mesh_get(mesh).indices
@@ -74,7 +74,7 @@ _STRAIGHT = wp.constant(0.5)
 
 
 @wp.kernel
-def _sum_face_normals(mesh: wp.uint64, normals: wp.array(dtype=wp.vec3)):
+def _sum_face_normals(mesh: wp.uint64, normals: wp.array[wp.vec3]):
     face = wp.tid()
     points = wp.mesh_get(mesh).points
     corners = wp.mesh_get(mesh).indices
@@ -87,10 +87,10 @@ def _sum_face_normals(mesh: wp.uint64, normals: wp.array(dtype=wp.vec3)):
 @wp.kernel
 def _find_beneath(
     mesh: wp.uint64,
-    normals: wp.array(dtype=wp.vec3),
-    points: wp.array(dtype=wp.vec3),
+    normals: wp.array[wp.vec3],
+    points: wp.array[wp.vec3],
     reach: float,
-    beneath: wp.array(dtype=int),
+    beneath: wp.array[int],
 ):
     index = wp.tid()
     point = points[index]
@@ -145,10 +145,10 @@ _PAST_M = wp.constant(1.0e-6)
 @wp.kernel
 def _bound(
     surface: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=int),  # the place that was closest to each point in the pose before
-    weights: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
+    points: wp.array[wp.vec3],
+    faces: wp.array[int],  # the place that was closest to each point in the pose before
+    weights: wp.array[wp.vec3],
+    reaches: wp.array[float],
 ):
     """Bounds of the points' distances from the surface: no farther than from a place on it."""
     i = wp.tid()
@@ -160,12 +160,12 @@ def _bound(
 def _locate(
     surface: wp.uint64,
     closed: wp.uint64,
-    rows: wp.array(dtype=LaneInts),
-    points: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
-    distance: wp.array(dtype=float),
-    windings: wp.array(dtype=int),
+    rows: wp.array[LaneInts],
+    points: wp.array[wp.vec3],
+    faces: wp.array[int],
+    weights: wp.array[wp.vec3],
+    distance: wp.array[float],
+    windings: wp.array[int],
 ):
     row = wp.tid()
     # Away from the nearest surface: there is seldom another one in that direction.

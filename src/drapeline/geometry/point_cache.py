@@ -17,7 +17,7 @@ frame 0, float32 frames per sample 1, int32 frames.
 
 import os
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -101,7 +101,7 @@ def write_point_cache(path: str | Path, frames: np.ndarray | Iterable[np.ndarray
 
     An `.mdd` needs an array (or a list), since its header counts the frames.
     """
-    known = len(frames) if hasattr(frames, "__len__") else None
+    known = len(frames) if isinstance(frames, Sized) else None
     stream = iter(frames)
     try:
         first = np.asarray(next(stream))

@@ -11,10 +11,10 @@ _DEVICE = "cpu"
 @wp.kernel
 def _find_any_hit(
     mesh: wp.uint64,
-    starts: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
+    starts: wp.array[wp.vec3],
+    directions: wp.array[wp.vec3],
     reach: float,
-    hit: wp.array(dtype=int),
+    hit: wp.array[int],
 ):
     index = wp.tid()
     if wp.mesh_query_ray_anyhit(mesh, starts[index], directions[index], reach):

@@ -9,7 +9,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
-def _turn(matrices: wp.array(dtype=wp.mat33d), rotations: wp.array(dtype=wp.mat33d)):
+def _turn(matrices: wp.array[wp.mat33d], rotations: wp.array[wp.mat33d]):
     index = wp.tid()
     # Warp's U and V are rotations; where the matrix mirrors, its least singular value is negative.
     u, _, v = wp.svd3(matrices[index])

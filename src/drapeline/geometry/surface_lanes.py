@@ -130,12 +130,12 @@ for (int k = 0; k < 8; ++k) {
 @wp.func_native(lane_code(_CLOSEST))
 def closest_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=LaneInts),
+    patches: wp.array[LaneInts],
     patch: int,
-    points: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
-    faces: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
+    reaches: wp.array[float],
+    faces: wp.array[int],
+    weights: wp.array[wp.vec3],
 ):
     """For Warp's kernels: the face closest to each point of a patch, and weights of its corners.
 
@@ -153,11 +153,11 @@ def closest_in_lanes(
 @wp.kernel
 def find_closest_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=LaneInts),
-    points: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
-    faces: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    patches: wp.array[LaneInts],
+    points: wp.array[wp.vec3],
+    reaches: wp.array[float],
+    faces: wp.array[int],
+    weights: wp.array[wp.vec3],
 ):
     """`closest_in_lanes` for each patch of points, on one surface."""
     closest_in_lanes(surface, patches, wp.tid(), points, reaches, faces, weights)
@@ -288,11 +288,11 @@ for (int k = 0; k < 8; ++k) {
 @wp.func_native(lane_code(_RAYS + _WIND))
 def windings_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=LaneInts),
+    patches: wp.array[LaneInts],
     patch: int,
-    points: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
     way: wp.vec3,
-    windings: wp.array(dtype=int),
+    windings: wp.array[int],
 ):
     """For Warp's kernels: how often rays from points leave a surface, less how often they enter it.
 
@@ -309,13 +309,13 @@ def windings_in_lanes(
 @wp.func_native(lane_code(_RAYS + _HIT))
 def hits_in_lanes(
     surface: wp.uint64,
-    patches: wp.array(dtype=LaneInts),
+    patches: wp.array[LaneInts],
     patch: int,
-    points: wp.array(dtype=wp.vec3),
-    ways: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
-    faces: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
+    ways: wp.array[wp.vec3],
+    reaches: wp.array[float],
+    faces: wp.array[int],
+    weights: wp.array[wp.vec3],
 ):
     """For Warp's kernels: the face that each ray of a patch hits first, and weights of its corners.
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -143,6 +143,9 @@ def _recordings(
     frames = accepted.frames
     with Sample(accepted.folder) as sample:
         info, body = sample.info, bodies[sample.gender]
+        if info.tightness is None:
+            raise InputError(f"{accepted.folder}: info.mat has no tightness, expected two numbers")
+        tightness = signed_tightness(info.tightness, sample.gender).astype(np.float32)
         back = frames[:, None] - HISTORY_STEP * np.arange(HISTORY_FRAMES)
         poses = info.poses[np.maximum(back, 0)].astype(np.float32)  # (n, 4, 72)
         rest = rest_body(body, info.shape)
@@ -160,9 +163,7 @@ def _recordings(
                     "garment": np.int8(GARMENTS.index(name)),
                     "shape": np.asarray(info.shape, dtype=np.float32),
                     "gender": np.int8(GENDERS.index(info.gender)),
-                    "tightness": signed_tightness(sample.tightness, sample.gender).astype(
-                        np.float32
-                    ),
+                    "tightness": tightness,
                 },
                 mask=garment.mask,
                 static=garment.offsets,
@@ -188,6 +189,18 @@ class DynamicData:
         mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
     """
 
+    offsets: np.ndarray
+    base: np.ndarray
+    poses: np.ndarray
+    sample: np.ndarray
+    split: np.ndarray
+    garment: np.ndarray
+    shape: np.ndarray
+    gender: np.ndarray
+    tightness: np.ndarray
+    mask: np.ndarray
+    static: np.ndarray
+
     def __init__(self, folder: str | Path) -> None:
         """Open a folder.
 
@@ -201,7 +214,7 @@ class DynamicData:
             folder / "frames.npz", {"frame": "int n", "garment_index": "int<g n"}, g=count
         )
         self.frame, self.garment_index = frames["frame"], frames["garment_index"]
-        self.version = str(garments.pop("version"))
+        self.version = cast(Version, str(garments.pop("version")))
         garments["gender"] = gender_names(garments["gender"])
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])

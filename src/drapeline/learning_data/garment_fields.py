@@ -69,7 +69,8 @@ def sample_field(
     """
     deviation = np.resize(NEAR_DEVIATIONS_M, near)[:, None]
     close = _on_surface(rng, garment, near) + deviation * rng.normal(size=(near, 3))
-    spread = rng.uniform(*np.asarray(box), size=(space, 3))
+    low, high = np.asarray(box)
+    spread = rng.uniform(low, high, size=(space, 3))
     skin, beyond = spread[1::4], spread[3::4]
     inside = Mesh(body.vertices, body.faces[_within(body.vertices, box)[body.faces].all(axis=1)])
     skin[:] = _on_surface(rng, inside, len(skin)) + SKIN_DEVIATION_M * rng.normal(size=skin.shape)

@@ -299,7 +299,9 @@ def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
             row += frames * int(count)
         part = slice(index * frames, (index + 1) * frames)
         yield SkinnedSequence(
-            *(str(table[key][index]) for key in ("name", "split", "gender")),
+            str(table["name"][index]),
+            str(table["split"][index]),
+            str(table["gender"][index]),
             table["shape"][index],
             str(table["sample"][index]),
             table["number"][index],

@@ -22,7 +22,7 @@ def offset_statistics(
         The deviation is at least `OFFSET_STD_FLOOR_M`; a vertex that fewer than two garments cover
         takes the median of the others'.
     """
-    count = total = square = 0.0
+    count = total = square = np.zeros(())
     for offsets, mask in rows:
         worn = np.where(mask[:, None], offsets, 0).astype(np.float64)
         count, total, square = count + mask[:, None], total + worn, square + worn**2
@@ -35,7 +35,7 @@ def offset_statistics(
 
 def body_statistics(bodies: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and deviation (V, 3) float32 of bodies (V, 3), the latter at least the floor."""
-    count = total = square = 0.0
+    count = total = square = np.zeros(())
     for body in bodies:
         wide = body.astype(np.float64)
         count, total, square = count + 1, total + wide, square + wide**2
@@ -44,7 +44,7 @@ def body_statistics(bodies: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarra
 
 
 def _moments(
-    count: np.ndarray | float, total: np.ndarray, square: np.ndarray
+    count: np.ndarray, total: np.ndarray, square: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     mean = total / count
     return mean, np.sqrt(np.maximum(square / count - mean**2, 0))

@@ -55,7 +55,7 @@ def measure_predictions(
     return measures
 
 
-def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
+def measure_truth(truth: Truth, rows: Iterable[int]) -> list[dict[str, float]]:
     """Measures of the ground truth itself, those that need no comparison."""
     measures = []
     for row in rows:
@@ -70,13 +70,18 @@ def add_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict
     return [{**row, "kl_nat": float(value)} for row, value in zip(measures, kl, strict=True)]
 
 
-class StaticRows(Protocol):
+class OutfitRows(Protocol):
+    """Garments of outfits: the type of each, and its outfit."""
+
+    garment: np.ndarray
+    outfit: np.ndarray
+
+
+class StaticRows(OutfitRows, Protocol):
     """Registered garments in rest pose, with their outfits, types and splits."""
 
     offsets: np.ndarray
     mask: np.ndarray
-    garment: np.ndarray
-    outfit: np.ndarray
 
     def rows(self, split: str) -> np.ndarray:
         """Indices of the rows of a split."""
@@ -86,7 +91,7 @@ class StaticRows(Protocol):
 
 
 def measured_at_rest(
-    garments: StaticRows, rows: np.ndarray, measures: Sequence[Mapping[str, float]]
+    garments: OutfitRows, rows: np.ndarray, measures: Sequence[Mapping[str, float]]
 ) -> list[Measured]:
     """Measures of rows of the dataset, with their types; those of one outfit are dependent."""
     return [

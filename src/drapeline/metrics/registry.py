@@ -42,7 +42,7 @@ def variant(model: str, name: str) -> Variant:
 
 def variants(model: str) -> Mapping[str, Variant]:
     """All declared variants of a model, in order."""
-    found = {}
+    found: dict[str, Variant] = {}
     for module in _modules():
         found |= module.VARIANTS.get(model, {})
     return found

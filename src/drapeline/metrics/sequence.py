@@ -5,7 +5,7 @@ windows that repeat frames. Vertices are those of a garment template, in metres,
 reference that prediction and truth share.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +55,7 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray) -> float:
     return float(FPS**2 * np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1).mean())
 
 
-def to_cloud_mm(vertices: Sequence[np.ndarray], points: Sequence[np.ndarray]) -> float:
+def to_cloud_mm(vertices: Iterable[np.ndarray], points: Iterable[np.ndarray]) -> float:
     """One-way Chamfer distance (table 5): mean distance of vertices to the nearest of the points.
 
     Both are given frame by frame: (N, 3), and (P, 3) with any P. Parts that the garment lacks do
@@ -100,7 +100,7 @@ def sequence_measures(
     true: np.ndarray | None = None,
     *,
     body: BodyFrames | None = None,
-    points: Sequence[np.ndarray] | None = None,
+    points: Iterable[np.ndarray] | None = None,
     faces: np.ndarray | None = None,
 ) -> dict[str, float]:
     """All measures of a posed garment that the arguments allow.

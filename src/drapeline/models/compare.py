@@ -184,8 +184,8 @@ def compare_scan_fits(
                     common.setdefault(variant, []).append(fit._replace(garment=COMMON))
     summary = partial(summarise, model=SCAN, split=split, seed=seed)
     tables = []
-    for variant, fits in measured.items():
-        tables.append(summary(fits, variant=variant))
+    for variant, rows in measured.items():
+        tables.append(summary(rows, variant=variant))
         of_common = summary(common.get(variant, []), variant=variant)
         tables.append(of_common[of_common["garment"] == COMMON])
     return join(tables), shown

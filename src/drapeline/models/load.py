@@ -1,10 +1,8 @@
 """Trained models, ready to be used without the data that they were trained on.
 
-    from drapeline.models.load import load
-
-    skirts = load("results/gcvae/svae").sample(8, "Skirt")
-    moving = load("results/garment4d/Skirt").reconstruct(points, poses, shape)
-    upper = load("results/smplicit/upper")
+    skirts = drapeline.load("results/gcvae/svae").sample(8, "Skirt")
+    moving = drapeline.load("results/garment4d/Skirt").reconstruct(points, poses, shape)
+    upper = drapeline.load("results/smplicit/upper")
     garment = upper.decode(upper.mean_code, gender="female", shape=[0.0] * 10)
 
 docs/reference/api.md shows more of it. Loading executes nothing that is in the files.

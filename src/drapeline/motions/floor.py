@@ -317,7 +317,7 @@ def _hinge(thigh: np.ndarray, shin: np.ndarray, across: np.ndarray) -> np.ndarra
     return hinge / np.linalg.norm(hinge)
 
 
-def _flexion(thigh: float, shin: float, reach: float) -> float:
+def _flexion(thigh: np.floating, shin: np.floating, reach: np.floating) -> float:
     """Flexion of the knee in radians, 0 when straight, for a hip-to-ankle distance."""
     cosine = (reach**2 - thigh**2 - shin**2) / (2 * thigh * shin)
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -129,6 +129,6 @@ def built_in_map(take: Take) -> JointMap:
 
 
 def _join(names: Iterable[object]) -> str:
-    names = [str(name) for name in names]
-    shown = ", ".join(names[:40])
-    return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"
+    texts = [str(name) for name in names]
+    shown = ", ".join(texts[:40])
+    return shown if len(texts) <= 40 else f"{shown} and {len(texts) - 40} more"

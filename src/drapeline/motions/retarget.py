@@ -101,9 +101,9 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
     align = _alignment(rest @ facing.T, source)
     _roll_limbs(align, take.rotations @ facing.T, source, joint_map.twist_deg)
     rotations = np.zeros((len(take.rotations), 24, 3, 3))
-    for joint, index in source.items():
-        turn = facing.T @ align[joint].T
-        rotations[:, INDEX[joint]] = world @ take.rotations[:, index] @ turn
+    for name, index in source.items():
+        turn = facing.T @ align[name].T
+        rotations[:, INDEX[name]] = world @ take.rotations[:, index] @ turn
     _fill_spine(rotations, source)
     for joint, name in enumerate(JOINT_NAMES):  # hands, toes, collars without a source
         if name not in source and name not in SPINE:

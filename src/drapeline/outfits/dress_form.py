@@ -48,7 +48,7 @@ class Tube:
         """Coordinate of the last slice."""
         return self.start_m + STEP_M * (len(self.radius) - 1)
 
-    def radius_at(self, along_m: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    def radius_at(self, along_m: np.ndarray | float, angle: np.ndarray | float) -> np.ndarray:
         """Radius at coordinates `along_m` and angles (radians), broadcast together."""
         along_m, angle = np.broadcast_arrays(along_m, angle)
         rows = np.clip((along_m - self.start_m) / STEP_M, 0, len(self.radius) - 1)
@@ -56,7 +56,7 @@ class Tube:
         wrapped = np.concatenate([self.radius, self.radius[:, :1]], axis=1)
         return map_coordinates(wrapped, [rows, columns % ANGLES], order=1)
 
-    def centre_at(self, along_m: np.ndarray) -> np.ndarray:
+    def centre_at(self, along_m: np.ndarray | float) -> np.ndarray:
         """Centre (..., 2) at coordinates `along_m`."""
         knots = self.start_m + STEP_M * np.arange(len(self.centre))
         return np.stack([np.interp(along_m, knots, self.centre[:, k]) for k in (0, 1)], axis=-1)

@@ -239,6 +239,9 @@ def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: Bod
         "elastic": dict.fromkeys(own.elastic, True),
         "parameters": {"own_garment": own.path, "held": list(held)},
     }
+    # Loading made some where there were none.
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
     points = mesh.vertices.astype(np.float64)
     return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, attributes)
 

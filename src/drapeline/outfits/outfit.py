@@ -96,7 +96,7 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
     garments = tuple(
         Garment(
             g["name"],
-            *(arrays[f"{g['name']}/{key}"] for key in _ARRAYS),
+            **{key: arrays[f"{g['name']}/{key}"] for key in _ARRAYS},
             attributes={k: v for k, v in g.items() if k != "name"},
         )
         for g in about["garments"]

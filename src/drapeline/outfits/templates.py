@@ -54,7 +54,7 @@ _SKIRT = {
     "skirt_phase": 0.0,
     **{f"skirt_wander{k}": 0.0 for k in range(4)},
 }
-TEMPLATE_NUMBERS = {
+TEMPLATE_NUMBERS: dict[str, dict[str, dict[str, Any]]] = {
     "Tshirt": {"upper": _UPPER | _SLEEVES},
     "Top": {"upper": _UPPER | _STRAPS},
     "Trousers": {"trousers": _LEGS},
@@ -73,7 +73,7 @@ class Templates:
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        arrays = {"body_name": self.body_name}
+        arrays: dict[str, Any] = {"body_name": self.body_name}
         for name in _TUBES:
             tube = getattr(self.form, name)
             arrays |= {
@@ -119,8 +119,10 @@ def load_templates(path: str | Path) -> Templates:
         mesh = (f"float v{name} 3", f"int<v{name} * 4", f"float t{name} 2", f"int<t{name} * 4")
         forms |= {f"garments/{name}/{k}": form for k, form in zip(_MESH, mesh, strict=True)}
     a = load_npz(path, forms)
-    tubes = {n: Tube(float(a[f"{n}/start_m"]), a[f"{n}/centre"], a[f"{n}/radius"]) for n in _TUBES}
-    fields = {n: Field(a[f"{n}/origin"], a[f"{n}/distance"]) for n in _FIELDS}
+    parts: dict[str, Any] = {
+        n: Tube(float(a[f"{n}/start_m"]), a[f"{n}/centre"], a[f"{n}/radius"]) for n in _TUBES
+    }
+    parts |= {n: Field(a[f"{n}/origin"], a[f"{n}/distance"]) for n in _FIELDS}
     marks = {k.split("/")[1]: float(v) for k, v in a.items() if k.startswith("landmarks/")}
     garments = {n: Mesh(*(a[f"garments/{n}/{k}"] for k in _MESH)) for n in TEMPLATE_NUMBERS}
-    return Templates(DressForm(**tubes, **fields, landmarks=marks), garments, str(a["body_name"]))
+    return Templates(DressForm(**parts, landmarks=marks), garments, str(a["body_name"]))

@@ -25,10 +25,10 @@ class Seen:
 def _cast(
     mesh: wp.uint64,
     origin: wp.vec3,
-    rays: wp.array(dtype=wp.vec3),
-    depth: wp.array(dtype=float),
-    face: wp.array(dtype=int),
-    corner: wp.array(dtype=wp.vec2),
+    rays: wp.array[wp.vec3],
+    depth: wp.array[float],
+    face: wp.array[int],
+    corner: wp.array[wp.vec2],
 ):
     pixel = wp.tid()
     hit = wp.mesh_query_ray(mesh, origin, rays[pixel], 1.0e3)
@@ -83,7 +83,7 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     facing *= -np.sign((facing * rays[hit]).sum(1, keepdims=True))
 
     def image(values: np.ndarray, dtype: type) -> np.ndarray:
-        flat = np.zeros((len(hit), *values.shape[1:]), dtype=dtype)
+        flat: np.ndarray = np.zeros((len(hit), *values.shape[1:]), dtype=dtype)
         flat[hit] = values
         return flat.reshape(height, width, *values.shape[1:])
 

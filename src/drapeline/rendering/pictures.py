@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -15,8 +15,12 @@ from drapeline.storage import atomic_file
 _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
+_Font: TypeAlias = ImageFont.ImageFont | ImageFont.FreeTypeFont
 # PNG is shown by a Snakemake report; WebP, in full colour, is smaller still.
-_FORMATS = {".png": {"format": "PNG"}, ".webp": {"format": "WEBP", "quality": 85, "method": 6}}
+_FORMATS: dict[str, dict[str, Any]] = {
+    ".png": {"format": "PNG"},
+    ".webp": {"format": "WEBP", "quality": 85, "method": 6},
+}
 _COLOURS = 256
 # Steps between the palest ones, and to white, would be seen where shadows fade out.
 _PALE = np.repeat(np.arange(225, 256, 2, dtype=np.uint8)[:, None], 3, axis=1)
@@ -94,8 +98,7 @@ def save_grid(
             sheet.paste(Image.fromarray(cell.picture), (x, y))
             draw.text((x + 6, y + height - 5), cell.caption, _INK, font=small, anchor="ls")
         if row < len(labels):
-            place = (gap, y + 0.4 * height)
-            draw.multiline_text(place, labels[row], _INK, font=font, spacing=3)
+            draw.multiline_text((gap, y + 0.4 * height), labels[row], _INK, font=font, spacing=3)
     if heat_mm:
         _draw_heat_bar(sheet, draw, left, size[1] + gap, font, heat_mm)
     with atomic_file(path) as scratch:
@@ -135,7 +138,7 @@ def save_contact_sheet(
         sheet.save(scratch, format="PNG")
 
 
-def _in_lines(text: str, font: ImageFont.ImageFont, width: int) -> str:
+def _in_lines(text: str, font: _Font, width: int) -> str:
     """The words of a text in lines of this many pixels; a longer word has a line of its own."""
     first, *words = text.split(" ")
     lines = [first]
@@ -187,7 +190,7 @@ def _draw_heat_bar(
     draw: ImageDraw.ImageDraw,
     left: int,
     top: int,
-    font: ImageFont.ImageFont,
+    font: _Font,
     span_mm: float,
 ) -> None:
     """Draw the scale of `heat_parts`, from 0 to `span_mm`."""

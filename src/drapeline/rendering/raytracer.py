@@ -26,7 +26,7 @@ class ColouredMesh:
 
     vertices: np.ndarray  # (V, 3) world, metres
     faces: np.ndarray  # (F, 3) or (F, 4)
-    colour: Sequence[float]  # sRGB in 0-1
+    colour: Sequence[float] | np.ndarray  # (3,) sRGB in 0-1
     gloss: float = 0.0  # strength of the highlight, 0 for none
 
 
@@ -71,9 +71,9 @@ class _View:
 @wp.struct
 class _Surfaces:
     mesh: wp.uint64
-    normals: wp.array(dtype=wp.vec3)
-    colours: wp.array(dtype=wp.vec3)
-    gloss: wp.array(dtype=float)
+    normals: wp.array[wp.vec3]
+    colours: wp.array[wp.vec3]
+    gloss: wp.array[float]
 
 
 @wp.struct
@@ -92,10 +92,10 @@ class _Spot:
 class _Pixels:
     """Spots that the middles of pixels show."""
 
-    kind: wp.array(dtype=int)
-    face: wp.array(dtype=int)
-    place: wp.array(dtype=wp.vec3)
-    normal: wp.array(dtype=wp.vec3)
+    kind: wp.array[int]
+    face: wp.array[int]
+    place: wp.array[wp.vec3]
+    normal: wp.array[wp.vec3]
 
 
 @wp.func
@@ -286,7 +286,7 @@ def _alike(place: wp.vec3, normal: wp.vec3, other: wp.vec3, its_normal: wp.vec3)
 
 
 @wp.kernel
-def _expose(surfaces: _Surfaces, view: _View, pixels: _Pixels, light: wp.array(dtype=wp.vec4)):
+def _expose(surfaces: _Surfaces, view: _View, pixels: _Pixels, light: wp.array[wp.vec4]):
     """See what each pixel's middle shows, and sample the light there."""
     pixel = wp.tid()
     column = pixel % view.width
@@ -312,8 +312,8 @@ def _blend(
     view: _View,
     pixels: _Pixels,
     step: int,
-    light: wp.array(dtype=wp.vec4),
-    blended: wp.array(dtype=wp.vec4),
+    light: wp.array[wp.vec4],
+    blended: wp.array[wp.vec4],
 ):
     """Average the light over the tile around each pixel, on its own surface."""
     pixel = wp.tid()
@@ -349,9 +349,9 @@ def _develop(
     surfaces: _Surfaces,
     view: _View,
     pixels: _Pixels,
-    light: wp.array(dtype=wp.vec4),
+    light: wp.array[wp.vec4],
     backdrop: wp.vec3,
-    image: wp.array(dtype=wp.vec3),
+    image: wp.array[wp.vec3],
 ):
     """Colour each pixel: with one sample where it shows one surface, with many at edges."""
     pixel = wp.tid()

@@ -64,6 +64,9 @@ class Cell(str):
 
     __slots__ = ("classes", "order")
 
+    classes: tuple[str, ...]
+    order: float | None
+
     def __new__(cls, text: object, *classes: str, order: float | None = None) -> "Cell":
         """Make a text that knows its classes."""
         cell = super().__new__(cls, text)
@@ -114,7 +117,7 @@ def _data(cell: object) -> str:
 
 
 def _classes(cell: object, heading: bool = False) -> str:
-    names = cell.classes if isinstance(cell, Cell) else ()
+    names = list(cell.classes) if isinstance(cell, Cell) else []
     if heading:
         names = [name for name in names if name in {"number", "theirs"}]
     return f' class="{" ".join(names)}"' if names else ""

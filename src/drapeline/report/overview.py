@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -283,7 +283,7 @@ def _sheet(status: Table, worn: Mapping[str, str], pictures: Mapping[str, str | 
     return f'{note}<div class="sheet">\n{cells}\n</div>'
 
 
-def _caption(row: NamedTuple, worn: Mapping[str, str]) -> str:
+def _caption(row: Any, worn: Mapping[str, str]) -> str:
     name = f"<strong>{escape(row.sample)}</strong> {escape(row.sequence)}"
     return f"{name}<br>{escape(worn.get(row.sample, row.status))}"
 

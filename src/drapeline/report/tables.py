@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -178,7 +178,7 @@ class MetricTable:
             return str(counts.get(ALL, max(counts.values())))
         return " / ".join(apart)
 
-    def _cell(self, row: NamedTuple) -> Cell:
+    def _cell(self, row: Any) -> Cell:
         shown = metric(row.metric)
         shown = shown._replace(digits=self.digits.get(row.metric, shown.digits))
         ends = [] if pd.isna(row.low) or pd.isna(row.high) else [row.low, row.high]
@@ -208,8 +208,8 @@ class Section(NamedTuple):
         parts = [f"<h2>{self.title}</h2>", f"<p>{self.about}</p>" if self.about else ""]
         shown = self.table
         parts.append(html_table(shown.rows(measured) if isinstance(shown, MetricTable) else shown))
-        if self.by_source:
-            alone = replace(self.table, printed=None)
+        if self.by_source and isinstance(shown, MetricTable) and measured is not None:
+            alone = replace(shown, printed=None)
             for source in sorted(set(measured["source"]) - {""}):
                 rows = alone.rows(measured[measured["source"] == source].assign(source=""))
                 if rows:

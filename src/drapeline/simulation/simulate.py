@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -107,9 +107,9 @@ def body_frames(
     moving = posed_vertices(body, record.shape, poses[1:], path[1:])[0]
     # Self-collision corrections of the first frame come in gradually.
     fixed = record.fix_frame == 0
-    share = _smoothstep(np.arange(1, pose_frames + 1) / (pose_frames + 1))
+    gradual = _smoothstep(np.arange(1, pose_frames + 1) / (pose_frames + 1))
     moving[:, record.fix_vertex[fixed]] += (
-        share[:, None, None] * record.fix_delta[fixed][None]
+        gradual[:, None, None] * record.fix_delta[fixed][None]
     ).astype(np.float32)
     yield from moving
     for start in range(0, len(record.poses), _CHUNK):
@@ -371,7 +371,7 @@ def _known(measures: Mapping[str, float]) -> dict[str, float]:
 
 def _simulate(
     dressed: DressedBody, solver: ClothSolver, attempt: Attempt, folder: Path
-) -> Iterator[tuple[list[np.ndarray], np.ndarray]]:
+) -> Generator[tuple[list[np.ndarray], np.ndarray]]:
     """Yield garments (V, 3) each and the body (B, 3), root-relative, per frame of the sequence."""
     motion, outfit = dressed.motion, dressed.outfit
     scratch = folder / "scratch"
@@ -440,7 +440,7 @@ def _cloth_garment(
 def _write_and_measure(
     folder: Path,
     dressed: DressedBody,
-    frames: Iterator[tuple[list[np.ndarray], np.ndarray]],
+    frames: Generator[tuple[list[np.ndarray], np.ndarray]],
     monitor: HealthMonitor,
     bounds: HealthBounds | None,
 ) -> None:

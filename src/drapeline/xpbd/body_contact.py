@@ -23,18 +23,18 @@ _SKIN = wp.constant(1.0e-5)  # metres above a surface, where a ray from it start
 
 
 @wp.func
-def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+def _face_normal(points: wp.array[wp.vec3], face: wp.vec3i):
     a = points[face[0]]
     return wp.cross(points[face[1]] - a, points[face[2]] - a)
 
 
 @wp.kernel
 def _find_normals(
-    points: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=wp.vec3i),
-    first: wp.array(dtype=int),
-    beside: wp.array(dtype=int),  # faces at a vertex, from its `first` to that of the next
-    normals: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
+    faces: wp.array[wp.vec3i],
+    first: wp.array[int],
+    beside: wp.array[int],  # faces at a vertex, from its `first` to that of the next
+    normals: wp.array[wp.vec3],
 ):
     i = wp.tid()
     normal = wp.vec3()
@@ -45,17 +45,17 @@ def _find_normals(
 
 @wp.kernel
 def _move_surface(
-    start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
-    clock: wp.array(dtype=float),
-    points: wp.array(dtype=wp.vec3),
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    clock: wp.array[float],
+    points: wp.array[wp.vec3],
 ):
     i = wp.tid()
     points[i] = start[i] + (end[i] - start[i]) * clock[0]
 
 
 @wp.func
-def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
+def _blend(values: wp.array[wp.vec3], face: wp.vec3i, weights: wp.vec3):
     return (
         values[face[0]] * weights[0] + values[face[1]] * weights[1] + values[face[2]] * weights[2]
     )
@@ -69,22 +69,22 @@ def _let_go(strain: float, strange: int):
 
 @wp.kernel
 def _choose_reaches(
-    homes: wp.array(dtype=int),
+    homes: wp.array[int],
     last: int,  # the number of the whole body
-    strain: wp.array(dtype=float),
-    faces: wp.array(dtype=wp.vec3i),
-    points: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    strain: wp.array[float],
+    faces: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
     home_reach: float,
     reach: float,
     gap: float,
     slack: float,
-    anchor: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
-    away: wp.array(dtype=wp.vec3),
-    strange: wp.array(dtype=int),
-    reaches: wp.array(dtype=float),  # how far each anchor is looked for, 0 for one that is kept
-    found: wp.array(dtype=int),
+    anchor: wp.array[int],
+    weights: wp.array[wp.vec3],
+    away: wp.array[wp.vec3],
+    strange: wp.array[int],
+    reaches: wp.array[float],  # how far each anchor is looked for, 0 for one that is kept
+    found: wp.array[int],
 ):
     i = wp.tid()
     far = wp.where(homes[i] < last, home_reach, reach)
@@ -103,14 +103,14 @@ def _choose_reaches(
 
 @wp.kernel
 def search_one_per_thread(
-    meshes: wp.array(dtype=wp.uint64),  # of each limb, and of the whole body
-    homes: wp.array(dtype=int),
-    place: wp.array(dtype=wp.vec3),
+    meshes: wp.array[wp.uint64],  # of each limb, and of the whole body
+    homes: wp.array[int],
+    place: wp.array[wp.vec3],
     reach: float,
-    reaches: wp.array(dtype=float),
-    parts: wp.array(dtype=int),
-    found: wp.array(dtype=int),
-    found_weights: wp.array(dtype=wp.vec3),
+    reaches: wp.array[float],
+    parts: wp.array[int],
+    found: wp.array[int],
+    found_weights: wp.array[wp.vec3],
 ):
     """Find the nearest point on each vertex's limb or, if that is too far, on the whole body."""
     i = wp.tid()
@@ -129,35 +129,35 @@ def search_one_per_thread(
 
 @wp.kernel
 def _take_anchors(
-    first_face: wp.array(dtype=int),
-    face_numbers: wp.array(dtype=int),
-    homes: wp.array(dtype=int),
-    hands: wp.array(dtype=int),
+    first_face: wp.array[int],
+    face_numbers: wp.array[int],
+    homes: wp.array[int],
+    hands: wp.array[int],
     last: int,
-    strain: wp.array(dtype=float),
-    faces: wp.array(dtype=wp.vec3i),
-    points: wp.array(dtype=wp.vec3),
-    start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
-    start_normals: wp.array(dtype=wp.vec3),
-    end_normals: wp.array(dtype=wp.vec3),
-    clock: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
+    strain: wp.array[float],
+    faces: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    start_normals: wp.array[wp.vec3],
+    end_normals: wp.array[wp.vec3],
+    clock: wp.array[float],
+    place: wp.array[wp.vec3],
     # What was found of those that were looked for: on which part, and which of its faces or -1.
-    reaches: wp.array(dtype=float),
-    parts: wp.array(dtype=int),
-    found: wp.array(dtype=int),
-    found_weights: wp.array(dtype=wp.vec3),
+    reaches: wp.array[float],
+    parts: wp.array[int],
+    found: wp.array[int],
+    found_weights: wp.array[wp.vec3],
     # The anchor: its face or -1, weights of the corners, and the way from it to the vertex.
-    anchor: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
-    away: wp.array(dtype=wp.vec3),
-    strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on hands
+    anchor: wp.array[int],
+    weights: wp.array[wp.vec3],
+    away: wp.array[wp.vec3],
+    strange: wp.array[int],  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on hands
     # Its place and normal at both ends of the frame.
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    from_normal: wp.array(dtype=wp.vec3),
-    to_normal: wp.array(dtype=wp.vec3),
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    from_normal: wp.array[wp.vec3],
+    to_normal: wp.array[wp.vec3],
 ):
     i = wp.tid()
     p = place[i]
@@ -206,14 +206,14 @@ def _take_anchors(
 
 @wp.kernel
 def _aim(
-    faces: wp.array(dtype=wp.vec3i),
-    points: wp.array(dtype=wp.vec3),
-    anchor: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    faces: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    anchor: wp.array[int],
+    weights: wp.array[wp.vec3],
     clearance: float,
-    starts: wp.array(dtype=wp.vec3),
-    ways: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
+    starts: wp.array[wp.vec3],
+    ways: wp.array[wp.vec3],
+    reaches: wp.array[float],
 ):
     """Rays from anchors along the body's normals, of no length where there is no anchor."""
     i = wp.tid()
@@ -228,11 +228,11 @@ def _aim(
 @wp.kernel
 def look_one_per_thread(
     whole: wp.uint64,
-    starts: wp.array(dtype=wp.vec3),
-    ways: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
-    facing: wp.array(dtype=int),
-    facing_weights: wp.array(dtype=wp.vec3),
+    starts: wp.array[wp.vec3],
+    ways: wp.array[wp.vec3],
+    reaches: wp.array[float],
+    facing: wp.array[int],
+    facing_weights: wp.array[wp.vec3],
 ):
     """Find the face of the body that each ray hits first, -1 for none."""
     i = wp.tid()
@@ -246,18 +246,18 @@ def look_one_per_thread(
 
 @wp.kernel
 def _measure_clearance(
-    faces: wp.array(dtype=wp.vec3i),
-    points: wp.array(dtype=wp.vec3),
-    start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
-    ways: wp.array(dtype=wp.vec3),
-    facing: wp.array(dtype=int),
-    facing_weights: wp.array(dtype=wp.vec3),
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    from_normal: wp.array(dtype=wp.vec3),
-    to_normal: wp.array(dtype=wp.vec3),
-    clearance: wp.array(dtype=wp.vec2),  # at both ends of the frame
+    faces: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    ways: wp.array[wp.vec3],
+    facing: wp.array[int],
+    facing_weights: wp.array[wp.vec3],
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    from_normal: wp.array[wp.vec3],
+    to_normal: wp.array[wp.vec3],
+    clearance: wp.array[wp.vec2],  # at both ends of the frame
 ):
     """Distances above the anchors at which the body faces itself, along the anchors' normals."""
     i = wp.tid()
@@ -276,20 +276,20 @@ def _measure_clearance(
 
 @wp.kernel
 def touch_body(
-    anchor: wp.array(dtype=int),
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    from_normal: wp.array(dtype=wp.vec3),
-    to_normal: wp.array(dtype=wp.vec3),
-    clearance: wp.array(dtype=wp.vec2),
-    clock: wp.array(dtype=float),
-    carry: wp.array(dtype=wp.vec3),
+    anchor: wp.array[int],
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    from_normal: wp.array[wp.vec3],
+    to_normal: wp.array[wp.vec3],
+    clearance: wp.array[wp.vec2],
+    clock: wp.array[float],
+    carry: wp.array[wp.vec3],
     gap: float,
     release: float,
     stick: float,
-    friction: wp.array(dtype=float),
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    friction: wp.array[float],
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Push vertices out of the body; those that touch it stick or slide (Coulomb)."""
     i = wp.tid()

@@ -46,15 +46,15 @@ def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp
 @wp.kernel
 def find_covers_one_per_thread(
     tree: wp.uint64,
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    vertices: wp.array(dtype=int),
-    start: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
+    vertices: wp.array[int],
+    start: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
     margin: float,
-    count: wp.array(dtype=int),
-    covers: wp.array2d(dtype=int),
+    count: wp.array[int],
+    covers: wp.array2d[int],
 ):
     """Find the triangles that are over each vertex of the body."""
     i = wp.tid()
@@ -78,13 +78,13 @@ def find_covers_one_per_thread(
 
 @wp.kernel
 def _stand(
-    vertices: wp.array(dtype=int),
-    start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    up: wp.array(dtype=wp.vec3),
+    vertices: wp.array[int],
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    up: wp.array[wp.vec3],
 ):
     """Places of some vertices of the body at both ends of a frame, and their normals."""
     i = wp.tid()
@@ -95,24 +95,24 @@ def _stand(
 
 @wp.kernel
 def push_off_body_vertices(
-    busy: wp.array(dtype=int),  # which of the body's vertices are covered
-    count: wp.array(dtype=int),
-    covers: wp.array2d(dtype=int),
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    up: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
-    inverse_mass: wp.array(dtype=float),
-    clock: wp.array(dtype=float),
-    carry: wp.array(dtype=wp.vec3),
+    busy: wp.array[int],  # which of the body's vertices are covered
+    count: wp.array[int],
+    covers: wp.array2d[int],
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    up: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
+    inverse_mass: wp.array[float],
+    clock: wp.array[float],
+    carry: wp.array[wp.vec3],
     gap: float,
     reach: float,
     release: float,
     stick: float,
-    friction: wp.array(dtype=float),
+    friction: wp.array[float],
     moves: Moves,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Lift triangles that are less than the gap above a vertex of the body, or beneath it.
 

@@ -18,11 +18,11 @@ _ROUNDED = 1.001  # so that corners are within a box's radius, whatever is round
 
 @wp.kernel
 def _box_faces(
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
 ):
     # The halves of a quad share a box, which saves half of the tree.
     face = wp.tid()
@@ -36,7 +36,7 @@ def _box_faces(
 
 
 @wp.func
-def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float):
+def _side(p: wp.vec3, place: wp.array[wp.vec3], c: wp.vec3i, margin: float):
     # Of a triangle that p is near to: 1 above it, -1 beneath it; 0 if it is not near.
     a = place[c[0]]
     ab = place[c[1]] - a
@@ -62,20 +62,20 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
 
 @wp.kernel
 def find_near_one_per_thread(
-    rest: wp.array(dtype=wp.vec3),
+    rest: wp.array[wp.vec3],
     tree: wp.uint64,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    rest_centres: wp.array(dtype=wp.vec3),
-    rest_radii: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    rest_centres: wp.array[wp.vec3],
+    rest_radii: wp.array[float],
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    layers: wp.array(dtype=int),
+    layers: wp.array[int],
     margin: float,
     free: float,
-    count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it; 0 for none
+    count: wp.array[int],
+    near: wp.array2d[int],  # number of the triangle + 1, negative beneath it; 0 for none
 ):
     """Find the triangles that each vertex is near to, and on which side of them it is."""
     i = wp.tid()
@@ -101,12 +101,12 @@ def find_near_one_per_thread(
 
 @wp.kernel
 def _sum_relative_ways(
-    count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
-    triangles: wp.array(dtype=wp.vec3i),
-    last: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
-    sums: wp.array(dtype=wp.vec2),  # number of pairs, and squares of their ways past each other
+    count: wp.array[int],
+    near: wp.array2d[int],
+    triangles: wp.array[wp.vec3i],
+    last: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    sums: wp.array[wp.vec2],  # number of pairs, and squares of their ways past each other
 ):
     i = wp.tid()
     total = wp.vec2()
@@ -120,20 +120,20 @@ def _sum_relative_ways(
 
 @wp.kernel
 def touch_cloth(
-    busy: wp.array(dtype=int),  # numbers of the vertices that are near to any
-    count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
-    triangles: wp.array(dtype=wp.vec3i),
-    layers: wp.array(dtype=int),
-    inverse_mass: wp.array(dtype=float),
-    clearance: wp.array(dtype=wp.vec2),
+    busy: wp.array[int],  # numbers of the vertices that are near to any
+    count: wp.array[int],
+    near: wp.array2d[int],
+    triangles: wp.array[wp.vec3i],
+    layers: wp.array[int],
+    inverse_mass: wp.array[float],
+    clearance: wp.array[wp.vec2],
     own_gap: float,
     layer_gap: float,
     release: float,
     friction: float,
     moves: Moves,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Push vertices and triangles apart that are closer than the gap, with friction."""
     i = busy[wp.tid()]

@@ -64,15 +64,15 @@ def narrowed(gap: float, clearance: wp.vec2):
 
 @wp.kernel
 def touch_floor(
-    height: wp.array(dtype=wp.vec2),  # at both ends of the frame
-    clock: wp.array(dtype=float),
-    carry: wp.array(dtype=wp.vec3),
+    height: wp.array[wp.vec2],  # at both ends of the frame
+    clock: wp.array[float],
+    carry: wp.array[wp.vec3],
     gap: float,
     release: float,
     stick: float,
-    friction: wp.array(dtype=float),
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    friction: wp.array[float],
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Keep vertices above the floor."""
     i = wp.tid()
@@ -105,9 +105,9 @@ class Moves:
         weight: (V,) of the shares that vertices have in contacts.
     """
 
-    place: wp.array2d(dtype=wp.int64)
-    before: wp.array2d(dtype=wp.int64)
-    weight: wp.array(dtype=int)
+    place: wp.array2d[wp.int64]
+    before: wp.array2d[wp.int64]
+    weight: wp.array[int]
 
 
 def make_moves(count: int) -> Moves:
@@ -119,7 +119,7 @@ def make_moves(count: int) -> Moves:
 
 
 @wp.func
-def _add(sums: wp.array2d(dtype=wp.int64), i: int, way: wp.vec3):
+def _add(sums: wp.array2d[wp.int64], i: int, way: wp.vec3):
     for axis in range(3):
         wp.atomic_add(sums, i, axis, wp.int64(way[axis] * _PER_M))
 
@@ -127,8 +127,8 @@ def _add(sums: wp.array2d(dtype=wp.int64), i: int, way: wp.vec3):
 @wp.func
 def move(
     moves: Moves,
-    place: wp.array(dtype=wp.vec3),
-    before: wp.array(dtype=wp.vec3),
+    place: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
     i: int,
     weight: float,
     start: wp.vec3,
@@ -153,7 +153,7 @@ def move(
 
 
 @wp.kernel
-def make_all_moves(moves: Moves, before: wp.array(dtype=wp.vec3), place: wp.array(dtype=wp.vec3)):
+def make_all_moves(moves: Moves, before: wp.array[wp.vec3], place: wp.array[wp.vec3]):
     """Make the moves that were added up, and forget them.
 
     All of them would take a vertex too far that several contacts push at once, and their mean, as

@@ -29,15 +29,15 @@ def _nearest_on_lines(p: wp.vec3, d: wp.vec3, q: wp.vec3, e: wp.vec3):
 
 @wp.kernel
 def _find_near_edges(
-    place: wp.array(dtype=wp.vec3),
-    edges: wp.array(dtype=wp.vec2i),
-    triangle_edges: wp.array(dtype=wp.vec3i),
-    near_count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
-    crossings: wp.array(dtype=int),
+    place: wp.array[wp.vec3],
+    edges: wp.array[wp.vec2i],
+    triangle_edges: wp.array[wp.vec3i],
+    near_count: wp.array[int],
+    near: wp.array2d[int],
+    crossings: wp.array[int],
     margin: float,
-    count: wp.array(dtype=int),
-    pairs: wp.array2d(dtype=int),  # number of the other edge + 1, negative on the other side
+    count: wp.array[int],
+    pairs: wp.array2d[int],  # number of the other edge + 1, negative on the other side
 ):
     edge = wp.tid()
     count[edge] = 0
@@ -88,19 +88,19 @@ def _find_near_edges(
 
 @wp.kernel
 def touch_edges(
-    busy: wp.array(dtype=int),  # numbers of the edges that are near to any
-    count: wp.array(dtype=int),
-    pairs: wp.array2d(dtype=int),
-    edges: wp.array(dtype=wp.vec2i),
-    layers: wp.array(dtype=int),
-    inverse_mass: wp.array(dtype=float),
-    clearance: wp.array(dtype=wp.vec2),
+    busy: wp.array[int],  # numbers of the edges that are near to any
+    count: wp.array[int],
+    pairs: wp.array2d[int],
+    edges: wp.array[wp.vec2i],
+    layers: wp.array[int],
+    inverse_mass: wp.array[float],
+    clearance: wp.array[wp.vec2],
     own_gap: float,
     layer_gap: float,
     release: float,
     moves: Moves,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Push edges apart that are closer than the gap."""
     edge = busy[wp.tid()]
@@ -227,13 +227,13 @@ def _hit(p: wp.vec3, d: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
 
 @wp.kernel
 def _find_crossings(
-    place: wp.array(dtype=wp.vec3),
-    edges: wp.array(dtype=wp.vec2i),
-    triangles: wp.array(dtype=wp.vec3i),
-    near_count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
-    count: wp.array(dtype=int),
-    crossed: wp.array2d(dtype=int),
+    place: wp.array[wp.vec3],
+    edges: wp.array[wp.vec2i],
+    triangles: wp.array[wp.vec3i],
+    near_count: wp.array[int],
+    near: wp.array2d[int],
+    count: wp.array[int],
+    crossed: wp.array2d[int],
 ):
     edge = wp.tid()
     ends = edges[edge]
@@ -263,11 +263,11 @@ def _find_crossings(
 
 @wp.kernel
 def _free_crossed(
-    edges: wp.array(dtype=wp.vec2i),
-    count: wp.array(dtype=int),
-    crossed: wp.array2d(dtype=int),
-    near_count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
+    edges: wp.array[wp.vec2i],
+    count: wp.array[int],
+    crossed: wp.array2d[int],
+    near_count: wp.array[int],
+    near: wp.array2d[int],
 ):
     # The ends of an edge that passes through a triangle are on no side of it.
     edge = wp.tid()
@@ -292,17 +292,17 @@ def _along(p: wp.vec3, e: wp.vec3, n: wp.vec3, opposite: wp.vec3):
 
 @wp.kernel
 def untangle(
-    busy: wp.array(dtype=int),  # numbers of the edges that pass through any
-    count: wp.array(dtype=int),
-    crossed: wp.array2d(dtype=int),
-    edges: wp.array(dtype=wp.vec2i),
-    opposite: wp.array(dtype=wp.vec2i),
-    triangles: wp.array(dtype=wp.vec3i),
-    inverse_mass: wp.array(dtype=float),
+    busy: wp.array[int],  # numbers of the edges that pass through any
+    count: wp.array[int],
+    crossed: wp.array2d[int],
+    edges: wp.array[wp.vec2i],
+    opposite: wp.array[wp.vec2i],
+    triangles: wp.array[wp.vec3i],
+    inverse_mass: wp.array[float],
     step: float,
     moves: Moves,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     """Move edges and the triangles that they pass through so that the intersection shrinks.
 

@@ -67,7 +67,9 @@ def make_springs(
     """
     pairs, which = face_edges(faces)
     area = face_areas(vertices, faces)
-    beside = np.bincount(which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs))
+    beside: np.ndarray = np.bincount(
+        which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs)
+    )
     if faces.shape[1] == 4:
         diagonals = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
         pairs = np.concatenate([pairs, diagonals])
@@ -285,15 +287,15 @@ def _moved(weighed: wp.vec4, way: wp.vec3):
 
 @wp.kernel
 def pull_springs(
-    ends: wp.array2d(dtype=int),
-    numbers: wp.array2d(dtype=float),  # see `spring_numbers`
+    ends: wp.array2d[int],
+    numbers: wp.array2d[float],  # see `spring_numbers`
     first: int,  # spring
     begins: int,
     finishes: int,  # the sweeps of a small step
     share: float,  # of the way to where it is content
-    pull: wp.array(dtype=float),  # of the sweeps before in this step
-    lengths: wp.array(dtype=float),  # of springs when they had last been pulled, the step before
-    weighed: wp.array(dtype=wp.vec4),  # place and inverse mass
+    pull: wp.array[float],  # of the sweeps before in this step
+    lengths: wp.array[float],  # of springs when they had last been pulled, the step before
+    weighed: wp.array[wp.vec4],  # place and inverse mass
 ):
     """Pull or push the ends of springs towards their lengths at rest."""
     spring = first + wp.tid()
@@ -321,12 +323,12 @@ def pull_springs(
 
 @wp.kernel
 def turn_hinges(
-    corners: wp.array2d(dtype=int),
-    weights: wp.array2d(dtype=float),
-    numbers: wp.array2d(dtype=float),  # see `hinge_numbers`
+    corners: wp.array2d[int],
+    weights: wp.array2d[float],
+    numbers: wp.array2d[float],  # see `hinge_numbers`
     first: int,  # hinge
-    turned: wp.array(dtype=float),  # how far hinges were bent when they had last been turned
-    weighed: wp.array(dtype=wp.vec4),  # place and inverse mass
+    turned: wp.array[float],  # how far hinges were bent when they had last been turned
+    weighed: wp.array[wp.vec4],  # place and inverse mass
 ):
     """Turn hinges towards their angles at rest."""
     hinge = first + wp.tid()
@@ -353,10 +355,10 @@ def turn_hinges(
 
 @wp.kernel
 def measure_strain(
-    pairs: wp.array(dtype=wp.vec2i),
-    rest_lengths: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
-    strain: wp.array(dtype=float),
+    pairs: wp.array[wp.vec2i],
+    rest_lengths: wp.array[float],
+    place: wp.array[wp.vec3],
+    strain: wp.array[float],
 ):
     """Largest length over length at rest of the springs at each vertex."""
     spring = wp.tid()

@@ -17,16 +17,16 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.kernel
 def search_in_lanes(
-    meshes: wp.array(dtype=wp.uint64),
-    homes: wp.array(dtype=int),
-    patches: wp.array(dtype=LaneInts),  # of vertices that have the same home
-    place: wp.array(dtype=wp.vec3),
+    meshes: wp.array[wp.uint64],
+    homes: wp.array[int],
+    patches: wp.array[LaneInts],  # of vertices that have the same home
+    place: wp.array[wp.vec3],
     reach: float,
-    reaches: wp.array(dtype=float),
-    again: wp.array(dtype=float),
-    parts: wp.array(dtype=int),
-    found: wp.array(dtype=int),
-    found_weights: wp.array(dtype=wp.vec3),
+    reaches: wp.array[float],
+    again: wp.array[float],
+    parts: wp.array[int],
+    found: wp.array[int],
+    found_weights: wp.array[wp.vec3],
 ):
     """As `body_contact.search_one_per_thread`, for the vertices of a patch."""
     patch = wp.tid()
@@ -50,12 +50,12 @@ def search_in_lanes(
 @wp.kernel
 def look_in_lanes(
     whole: wp.uint64,
-    patches: wp.array(dtype=LaneInts),
-    starts: wp.array(dtype=wp.vec3),
-    ways: wp.array(dtype=wp.vec3),
-    reaches: wp.array(dtype=float),
-    facing: wp.array(dtype=int),
-    facing_weights: wp.array(dtype=wp.vec3),
+    patches: wp.array[LaneInts],
+    starts: wp.array[wp.vec3],
+    ways: wp.array[wp.vec3],
+    reaches: wp.array[float],
+    facing: wp.array[int],
+    facing_weights: wp.array[wp.vec3],
 ):
     """As `body_contact.look_one_per_thread`, for the rays of a patch."""
     hits_in_lanes(whole, patches, wp.tid(), starts, ways, reaches, facing, facing_weights)
@@ -124,43 +124,43 @@ for (int k = 0; k < size; ++k)
 @wp.func_native(near_code("place.data[number]", _FIND_NEAR, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
 def _find_near(
     tree: wp.uint64,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=LaneInts),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    patches: wp.array[LaneInts],
     patch: int,
-    sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=LaneFloats),
-    rest_centres: wp.array(dtype=wp.vec3),
-    rest_radii: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    sizes: wp.array[int],
+    rest: wp.array2d[LaneFloats],
+    rest_centres: wp.array[wp.vec3],
+    rest_radii: wp.array[float],
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    layers: wp.array(dtype=int),
+    layers: wp.array[int],
     margin: float,
     free: float,
-    count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
+    count: wp.array[int],
+    near: wp.array2d[int],
 ): ...
 
 
 @wp.kernel
 def find_near_in_lanes(
-    patches: wp.array(dtype=LaneInts),  # vertices of a garment; empty lanes repeat the first
-    sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=LaneFloats),
+    patches: wp.array[LaneInts],  # vertices of a garment; empty lanes repeat the first
+    sizes: wp.array[int],
+    rest: wp.array2d[LaneFloats],
     tree: wp.uint64,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    rest_centres: wp.array(dtype=wp.vec3),
-    rest_radii: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    rest_centres: wp.array[wp.vec3],
+    rest_radii: wp.array[float],
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    layers: wp.array(dtype=int),
+    layers: wp.array[int],
     margin: float,
     free: float,
-    count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),
+    count: wp.array[int],
+    near: wp.array2d[int],
 ):
     """As `cloth_contact.find_near_one_per_thread`, for the vertices of a patch."""
     _find_near(
@@ -254,39 +254,39 @@ for (int k = 0; k < size; ++k)
 )
 def _find_covers(
     tree: wp.uint64,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=LaneInts),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    patches: wp.array[LaneInts],
     patch: int,
-    sizes: wp.array(dtype=int),
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    sizes: wp.array[int],
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    vertices: wp.array(dtype=int),
-    start: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
+    vertices: wp.array[int],
+    start: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
     margin: float,
-    count: wp.array(dtype=int),
-    covers: wp.array2d(dtype=int),
+    count: wp.array[int],
+    covers: wp.array2d[int],
 ): ...
 
 
 @wp.kernel
 def find_covers_in_lanes(
-    patches: wp.array(dtype=LaneInts),  # of the `vertices`; empty lanes repeat the first
-    sizes: wp.array(dtype=int),
+    patches: wp.array[LaneInts],  # of the `vertices`; empty lanes repeat the first
+    sizes: wp.array[int],
     tree: wp.uint64,
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
-    triangles: wp.array(dtype=wp.vec3i),
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
     halves: int,
-    vertices: wp.array(dtype=int),
-    start: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
+    vertices: wp.array[int],
+    start: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
     margin: float,
-    count: wp.array(dtype=int),
-    covers: wp.array2d(dtype=int),
+    count: wp.array[int],
+    covers: wp.array2d[int],
 ):
     """As `body_vertices.find_covers_one_per_thread`, for the vertices of a patch."""
     _find_covers(
@@ -402,40 +402,40 @@ for (int k = 0; k < 4; ++k) {
 
 @wp.func_native(lane_code(_GATHER + _PULL, SHORTEST_M=SHORTEST_M))
 def _pull(
-    ends: wp.array2d(dtype=LaneInts),
-    numbers: wp.array2d(dtype=LaneFloats),
+    ends: wp.array2d[LaneInts],
+    numbers: wp.array2d[LaneFloats],
     row: int,
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=LaneFloats),
-    lengths: wp.array(dtype=LaneFloats),
-    weighed: wp.array(dtype=wp.vec4),
+    pull: wp.array[LaneFloats],
+    lengths: wp.array[LaneFloats],
+    weighed: wp.array[wp.vec4],
 ): ...
 
 
 @wp.func_native(lane_code(_GATHER + _TURN, SMALLEST_M2=SMALLEST_M2, FLIPPED_M2=FLIPPED_M2))
 def _turn(
-    corners: wp.array2d(dtype=LaneInts),
-    weights: wp.array2d(dtype=LaneFloats),
-    numbers: wp.array2d(dtype=LaneFloats),
+    corners: wp.array2d[LaneInts],
+    weights: wp.array2d[LaneFloats],
+    numbers: wp.array2d[LaneFloats],
     row: int,
-    turned: wp.array(dtype=LaneFloats),
-    weighed: wp.array(dtype=wp.vec4),
+    turned: wp.array[LaneFloats],
+    weighed: wp.array[wp.vec4],
 ): ...
 
 
 @wp.kernel
 def pull_springs_in_lanes(
-    ends: wp.array2d(dtype=LaneInts),
-    numbers: wp.array2d(dtype=LaneFloats),
+    ends: wp.array2d[LaneInts],
+    numbers: wp.array2d[LaneFloats],
     first: int,  # row
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=LaneFloats),
-    lengths: wp.array(dtype=LaneFloats),
-    weighed: wp.array(dtype=wp.vec4),
+    pull: wp.array[LaneFloats],
+    lengths: wp.array[LaneFloats],
+    weighed: wp.array[wp.vec4],
 ):
     """As `elasticity.pull_springs`, for those of a row; an empty lane repeats a full one."""
     row = first + wp.tid()
@@ -444,12 +444,12 @@ def pull_springs_in_lanes(
 
 @wp.kernel
 def turn_hinges_in_lanes(
-    corners: wp.array2d(dtype=LaneInts),
-    weights: wp.array2d(dtype=LaneFloats),
-    numbers: wp.array2d(dtype=LaneFloats),
+    corners: wp.array2d[LaneInts],
+    weights: wp.array2d[LaneFloats],
+    numbers: wp.array2d[LaneFloats],
     first: int,  # row
-    turned: wp.array(dtype=LaneFloats),
-    weighed: wp.array(dtype=wp.vec4),
+    turned: wp.array[LaneFloats],
+    weighed: wp.array[wp.vec4],
 ):
     """As `elasticity.turn_hinges`, for those of a row; an empty lane repeats a full one."""
     _turn(corners, weights, numbers, first + wp.tid(), turned, weighed)

@@ -6,6 +6,7 @@ which a processor reads and writes at once.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -39,7 +40,7 @@ from drapeline.xpbd.system import join_garments
 wp.set_module_options({"enable_backward": False})
 
 
-def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
+def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> Any:
     """A launch to repeat; nothing if `count`, the number of its threads, is 0."""
     return wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, record_cmd=True)
 
@@ -99,7 +100,7 @@ _GRAVITY = wp.constant(wp.vec3(0.0, 0.0, -9.81))
 
 
 @wp.kernel
-def tick(steps: int, ticks: wp.array(dtype=int), clock: wp.array(dtype=float)):
+def tick(steps: int, ticks: wp.array[int], clock: wp.array[float]):
     """Let the clock show when the next of a frame's small steps begins and ends, from 0 to 1."""
     step = ticks[0]
     clock[0] = float(step) / float(steps)
@@ -109,14 +110,14 @@ def tick(steps: int, ticks: wp.array(dtype=int), clock: wp.array(dtype=float)):
 
 @wp.kernel
 def predict(
-    keep: wp.array(dtype=float),  # share of the speed that the air leaves
-    carry: wp.array(dtype=wp.vec3),
+    keep: wp.array[float],  # share of the speed that the air leaves
+    carry: wp.array[wp.vec3],
     step_s: float,
-    speed: wp.array(dtype=wp.vec3),
-    way: wp.array(dtype=wp.vec3),
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
-    weighed: wp.array(dtype=wp.vec4),
+    speed: wp.array[wp.vec3],
+    way: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    weighed: wp.array[wp.vec4],
 ):
     """Move particles by their speed, gravity and the air alone."""
     i = wp.tid()
@@ -131,12 +132,12 @@ def predict(
 
 @wp.kernel
 def hold(
-    vertices: wp.array(dtype=int),
-    pull: wp.array(dtype=float),
-    start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
-    clock: wp.array(dtype=float),
-    weighed: wp.array(dtype=wp.vec4),
+    vertices: wp.array[int],
+    pull: wp.array[float],
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    clock: wp.array[float],
+    weighed: wp.array[wp.vec4],
 ):
     """Pull held vertices to where they are held, which moves between two frames."""
     i = wp.tid()
@@ -147,7 +148,7 @@ def hold(
 
 
 @wp.kernel
-def take_places(weighed: wp.array(dtype=wp.vec4), place: wp.array(dtype=wp.vec3)):
+def take_places(weighed: wp.array[wp.vec4], place: wp.array[wp.vec3]):
     """Take the places where the cloth's own forces have left particles."""
     i = wp.tid()
     place[i] = wp.vec3(weighed[i][0], weighed[i][1], weighed[i][2])
@@ -155,11 +156,11 @@ def take_places(weighed: wp.array(dtype=wp.vec4), place: wp.array(dtype=wp.vec3)
 
 @wp.kernel
 def take_speed(
-    way: wp.array(dtype=wp.vec3),
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    way: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
     step_s: float,
-    speed: wp.array(dtype=wp.vec3),
+    speed: wp.array[wp.vec3],
 ):
     """Add to the predicted speed what the way of a step became longer than predicted.
 
@@ -171,7 +172,7 @@ def take_speed(
 
 
 @wp.kernel
-def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
+def add_speed(more: wp.vec3, speed: wp.array[wp.vec3]):
     """Add to the speed of all particles."""
     i = wp.tid()
     speed[i] = speed[i] + more
@@ -298,7 +299,7 @@ class MovingCloth:
         Contacts always are on a GPU, which goes through all vertices; a processor leaves out those
         that are near to nothing.
         """
-        contacts = [contact.launch for contact in self._contacts]
+        contacts: list[Callable[[], None]] = [contact.launch for contact in self._contacts]
         if self._parallel:
             state = [self._before, self._place]
             moves = record(make_all_moves, len(self._place), [self._moves], state)
@@ -306,7 +307,7 @@ class MovingCloth:
         first, last = self._record_first(), self._record_last()
         # Searches themselves are not kept: they hold this object, which would outlive its sample.
         self._finds: list[Replay] = []
-        self._solve = [Replay(first), *contacts, Replay(last)]
+        self._solve: list[Callable[[], None]] = [Replay(first), *contacts, Replay(last)]
         if self._device.is_cuda:
             self._finds = [Replay([find]) for find in self._searches]
             self._solve = [Replay([*first, *contacts, *last])]

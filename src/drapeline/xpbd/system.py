@@ -20,9 +20,9 @@ _MOST_COLOURS = wp.constant(64)
 
 @wp.kernel
 def _colour(
-    vertices: wp.array2d(dtype=int),
-    taken: wp.array(dtype=wp.uint64),  # bit c of a vertex: it has a constraint of colour c
-    colours: wp.array(dtype=int),
+    vertices: wp.array2d[int],
+    taken: wp.array[wp.uint64],  # bit c of a vertex: it has a constraint of colour c
+    colours: wp.array[int],
 ):
     i = wp.tid()
     used = wp.uint64(0)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drapeline.bodies.model import save_body
 from drapeline.dataset.info_mat import read_info, write_info
-from drapeline.dataset.reader import Cloth3D, Sample
+from drapeline.dataset.reader import Cloth3D, Sample, open_dataset
 from drapeline.errors import DamagedFile, InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
@@ -117,6 +118,17 @@ def test_the_original_reads_the_same_without_extras(original, tiny, toy_body):
     np.testing.assert_allclose(
         sample.body_mesh().vertices, load_obj(tiny.folder / "extras/Body.obj").vertices, atol=1e-6
     )
+
+
+def test_a_dataset_may_be_opened_with_the_files_of_bodies(original, tmp_path, toy_body):
+    save_body(tmp_path / "body.npz", toy_body)
+    given = {"female": str(tmp_path / "body.npz")}
+    opened = open_dataset(original.parent.parent, bodies=given)
+    known = Cloth3D(original.parent.parent, bodies={"female": toy_body})
+    assert opened.ids == known.ids
+    assert (opened[0].body_vertices() == known[0].body_vertices()).all()
+    with pytest.raises(InputError, match=r"none.npz"):
+        open_dataset(original.parent.parent, bodies={"female": tmp_path / "none.npz"})
 
 
 def test_without_a_body_the_original_says_what_it_needs(original):

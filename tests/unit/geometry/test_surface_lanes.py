@@ -92,10 +92,10 @@ _MANY = 60  # patches
 @wp.kernel
 def _wind(
     surface: wp.uint64,
-    rows: wp.array(dtype=LaneInts),
-    points: wp.array(dtype=wp.vec3),
+    rows: wp.array[LaneInts],
+    points: wp.array[wp.vec3],
     way: wp.vec3,
-    windings: wp.array(dtype=int),
+    windings: wp.array[int],
 ):
     windings_in_lanes(surface, rows, wp.tid(), points, way, windings)
 

@@ -9,7 +9,7 @@ from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
 
 
 @wp.kernel
-def _find(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), place: int, found: wp.array(dtype=int)):
+def _find(mesh: wp.uint64, points: wp.array[wp.vec3], place: int, found: wp.array[int]):
     if wp.mesh_query_point_no_sign(mesh, points[0], 1.0).result:
         found[place] = 1
 

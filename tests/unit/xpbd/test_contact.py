@@ -16,7 +16,7 @@ from drapeline.xpbd.contact import (
 
 
 @wp.kernel
-def _hold(slip: wp.vec3, up: wp.vec3, most: float, held: wp.array(dtype=wp.vec3)):
+def _hold(slip: wp.vec3, up: wp.vec3, most: float, held: wp.array[wp.vec3]):
     held[wp.tid()] = held_slip(slip, up, most)
 
 
@@ -32,7 +32,7 @@ def test_friction_holds_what_is_along_the_surface_up_to_its_limit(most, held):
 
 
 @wp.kernel
-def _narrow(gap: float, rooms: wp.array(dtype=wp.vec2), gaps: wp.array(dtype=float)):
+def _narrow(gap: float, rooms: wp.array[wp.vec2], gaps: wp.array[float]):
     gaps[wp.tid()] = narrowed(gap, rooms[wp.tid()])
 
 
@@ -107,12 +107,12 @@ def test_cloth_that_is_carried_along_slides_back():
 
 @wp.kernel
 def _push(
-    which: wp.array(dtype=int),
-    weights: wp.array(dtype=float),
-    ways: wp.array(dtype=wp.vec3),
+    which: wp.array[int],
+    weights: wp.array[float],
+    ways: wp.array[wp.vec3],
     moves: Moves,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
 ):
     k = wp.tid()
     i = which[k]

@@ -27,11 +27,11 @@ from toys.sheets import GAP_M, assert_floor_holds, beneath_share, drop, far_away
 
 @wp.kernel
 def _add_count(
-    busy: wp.array(dtype=int),
-    count: wp.array(dtype=int),
+    busy: wp.array[int],
+    count: wp.array[int],
     factor: int,
-    total: wp.array(dtype=int),
-    seen: wp.array(dtype=int),
+    total: wp.array[int],
+    seen: wp.array[int],
 ):
     i = busy[wp.tid()]
     total[i] = total[i] + factor * count[i]

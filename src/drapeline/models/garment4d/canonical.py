@@ -132,7 +132,7 @@ class Segmentation(nn.Module):
 
 def abstract_levels(
     level: PointLevel,
-    down: Sequence[SetAbstraction],
+    down: nn.ModuleList,
     centres: Sequence[int],
     searches: Searches = SEARCH_ANEW,
 ) -> list[PointLevel]:
@@ -197,9 +197,12 @@ class _ShapeNetwork(nn.Module):
         regression: estimates the initial alpha of body-relative points; None without such points.
     """
 
+    mean: torch.Tensor
+    components: torch.Tensor
+
     def __init__(self, space: GarmentSpace, settings: CanonicalSettings) -> None:
         super().__init__()
-        self.regression = None
+        self.regression: MapRegression | None = None
         if settings.body_relative_points:
             cells = map_cells(_SHAPE_CELL_M)
             self.regression = MapRegression(3, cells, len(space.components))
@@ -393,6 +396,13 @@ class MapRegression(nn.Module):
         cells: K, cells per map.
         components: D, coefficients.
     """
+
+    mean: torch.Tensor
+    scale: torch.Tensor
+    low: torch.Tensor
+    high: torch.Tensor
+    weight: torch.Tensor
+    bias: torch.Tensor
 
     def __init__(self, channels: int, cells: int, components: int) -> None:
         super().__init__()

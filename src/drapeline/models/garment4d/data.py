@@ -135,7 +135,7 @@ class BodySequences:
     def __init__(self, data: SequenceData, bodies: BodySet) -> None:
         self.data, self.bodies = data, bodies
         self._body = lru_cache(_KEPT_BODIES)(
-            lambda sequence: bodies.of(data.gender[sequence], data.shape[sequence])
+            lambda sequence: bodies.of(str(data.gender[sequence]), data.shape[sequence])
         )
 
     def body(self, sequence: int) -> ShapedBody:

@@ -6,7 +6,7 @@ F frames, P points of a cloud, N vertices of the template, B vertices of the bod
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from pathlib import Path
 
 import numpy as np
@@ -141,10 +141,10 @@ class SplitEvaluation:
         self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
     ) -> None:
         """All measures of a canonical garment (N, 3); if not `true`, those without ground truth."""
-        garment = Mesh(garment, self.data.space.faces)
+        mesh = Mesh(garment, self.data.space.faces)
         original = self.data.originals.get(str(self.data.name[sequence]))
         registered = self.data.canonical[sequence] if true else None
-        self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
+        self.add(variant, sequence, metrics.canonical_measures(mesh, registered, original))
 
     def measure_posed(self, variant: str, stage: PosedStage, sequence: int) -> ReconstructedGarment:
         """Measure a stage on a sequence and return its reconstruction."""
@@ -414,7 +414,7 @@ class GuessedLabels:
 
     def __init__(self, sequences: BodySequences) -> None:
         self._sequences = sequences
-        votes = sum(self._votes(sequence) for sequence in sequences.data.of_split("train"))
+        votes = reduce(np.add, map(self._votes, sequences.data.of_split("train")))
         self._one = int(votes.sum(axis=0).argmax())
         self._by_vertex = np.where(votes.any(axis=1), votes.argmax(axis=1), self._one)
 

@@ -28,10 +28,10 @@ def plot_skinning(job: Job) -> None:
         poses = data.poses[data.rows(sequence)]
         frame = int(np.abs(poses[:, _HIP_AND_KNEE]).sum(axis=1).argmax())
         body, worn = sequences.body(sequence), data.canonical[sequence]
-        posed = [
+        nearest, interpolated = (
             propose_garment(body, poses[frame][None], worn, data.space.faces, how)[0]
             for how in (many.replace(neighbours=1, passes=0), many)
-        ]
+        )
         vertices = posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
         cases.append(
             SkinnedTwice(
@@ -39,7 +39,8 @@ def plot_skinning(job: Job) -> None:
                 data.garment_type,
                 worn,
                 data.space.faces,
-                *posed,
+                nearest,
+                interpolated,
                 vertices,
                 body.model.faces,
                 float(-vertices[:, 2].min()),

@@ -1,6 +1,7 @@
 """Losses of both stages (Garment4D equations 4 and 7) and their terms (5, 6 and 8), all means."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import igl
 import numpy as np
@@ -172,7 +173,7 @@ def posed_loss(
     body_normals: torch.Tensor,
     laplacian: CotangentLaplacian | UniformLaplacian,
     weights: PosedWeights,
-) -> Mapping[str, torch.Tensor]:
+) -> dict[str, torch.Tensor]:
     """Equation 7, summed over iterations, which all weigh the same.
 
     Args:
@@ -185,7 +186,8 @@ def posed_loss(
         `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over
         iterations without its weight, and `total`.
     """
-    terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
+    names = ("vertices", "interpenetration", "laplacian", "temporal")
+    terms: dict[str, Any] = dict.fromkeys(names, 0.0)
     skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
     last_alone = weights.temporal_form == "released"
     for number, garment in enumerate(predictions, 1):
@@ -193,7 +195,7 @@ def posed_loss(
             "vertices": (garment - target).square().sum(-1).mean(),
             "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
             "laplacian": roughness(laplacian, garment)
-            if weights.laplacian_form == "released"
+            if isinstance(laplacian, UniformLaplacian)
             else laplacian_difference(laplacian, garment, target),
         }
         if number == len(predictions) or not last_alone:

@@ -310,6 +310,7 @@ class _Tasks:
                 f"{_PAGES}.figures:plot_curves",
                 {"metrics": self.files.metrics(_ABLATIONS)},
                 {"garment": self._shown_garment()},
+                environment="report",
                 **{
                     name: _shown("garment4d_curves", f"{name}.svg", title)
                     for name, title in _CURVES.items()

@@ -7,6 +7,7 @@ garment. Between iterations, frames attend to one another (Garment4D 2.4).
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import torch
@@ -97,7 +98,7 @@ class PosedNetwork(nn.Module):
             torch.ones(body.shape[0] * frames, body.shape[2], dtype=torch.bool, device=body.device),
         )
         garment = proposal.flatten(0, 1)  # (B * T, N, 3)
-        looks = [(ball, skin) for ball in self.body]
+        looks: list[tuple[Any, PointLevel]] = [(ball, skin) for ball in self.body]
         looks += zip(self.garment, levels, strict=True)
         balls = [(ball, level, ball.ball_search(level)) for ball, level in looks]
         hidden, out = None, []
@@ -151,6 +152,7 @@ class GraphLayers(nn.Module):
         self, x: torch.Tensor, adjacency: SparseMatrix
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """(N, C, inputs) -> features of the second last layer (N, C, hidden), and (N, C, 3)."""
+        layer: Any
         for layer in self.layers:
             # The rows of the matrix sum to 1, so the bias may be added before it; it is applied to
             # whichever of x and x W is narrower.
@@ -176,7 +178,7 @@ class FrameAttention(nn.Module):
         super().__init__()
         self.per_vertex = per_vertex
         self.projection = linear(width, 3 * width, rng)
-        self.projection.bias = None
+        self.projection.register_parameter("bias", None)
 
     def forward(self, x: torch.Tensor, frames: int) -> torch.Tensor:
         """(N, B * T, width) -> (N, B * T, width)."""

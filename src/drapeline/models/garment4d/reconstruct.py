@@ -49,8 +49,7 @@ LEAST_SHARE = 0.02
 class ReconstructedGarment(NamedTuple):
     """A garment through a sequence, stage by stage; metres, root frame."""
 
-    # (F, P) uint8 of the points, or None from a network without segmentation.
-    labels: np.ndarray | None
+    labels: np.ndarray  # (F, P) uint8 of the points
     canonical: np.ndarray  # (N, 3) T(alpha')
     proposal: np.ndarray  # (F, N, 3) interpolated skinning of it
     final: np.ndarray  # (F, N, 3) with the displacements
@@ -107,7 +106,7 @@ def estimate(
 
 def _mean_garment(stage: CanonicalStage, alpha: Sequence[torch.Tensor]) -> np.ndarray:
     """(N, 3) T of the mean of all alpha (B, D)."""
-    return stage.network.vertices(torch.cat(alpha).mean(0)[None])[0].cpu().numpy()
+    return stage.network.vertices(torch.cat([*alpha]).mean(0)[None])[0].cpu().numpy()
 
 
 @torch.inference_mode()
@@ -172,6 +171,7 @@ def reconstruct(
     if stage.smooth_passes:
         final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
+    assert estimated.labels is not None  # a posed stage has a canonical network that segments
     return ReconstructedGarment(estimated.labels, canonical, proposal, final, seconds)
 
 

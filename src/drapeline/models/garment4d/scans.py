@@ -101,9 +101,9 @@ class Garment4dScanFitter:
                 posed, refined = self._networks(model, scan, body)
                 found[POSED][name], found[REFINED][name] = Mesh(posed, faces), Mesh(refined, faces)
         if at_rest:
-            posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
-            found[PCA] = pose_in_layers(at_rest, posed, self._settings.skinning)
-            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed)
+            person = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+            found[PCA] = pose_in_layers(at_rest, person, self._settings.skinning)
+            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, person)
         return {variant: garments for variant, garments in found.items() if garments}
 
     def _networks(

@@ -86,6 +86,8 @@ class Stage(TrainableModule):
     SETTINGS: ClassVar[type[StageSettings]]
     ERROR: ClassVar[str]
     MOST_VALIDATED: ClassVar[int | None] = None
+    settings: StageSettings
+    laplacian: CotangentLaplacian | UniformLaplacian
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__()
@@ -165,6 +167,9 @@ class CanonicalStage(Stage):
     checkpoint_type = "garment4d_canonical"
     SETTINGS, ERROR = CanonicalStageSettings, "canonical_error_mm"
     MOST_VALIDATED = 3
+    network: Any  # what `build` makes
+    laplacian: CotangentLaplacian
+    label_weights: torch.Tensor
 
     def __init__(self, settings: CanonicalStageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
@@ -284,7 +289,9 @@ class PosedStage(Stage):
     """
 
     checkpoint_type = "garment4d_posed"
-    SETTINGS, ERROR = PosedStageSettings, "vertex_error_mm"
+    SETTINGS: ClassVar[type[StageSettings]] = PosedStageSettings
+    ERROR = "vertex_error_mm"
+    settings: Any  # of `SETTINGS`
 
     def __init__(
         self, settings: PosedStageSettings | MgnStageSettings, canonical: CanonicalStage
@@ -470,7 +477,7 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
 
 
 def _build(metadata: Mapping[str, Any]) -> Stage:
-    cls = _STAGES[metadata["checkpoint_type"]]
+    cls: Any = _STAGES[metadata["checkpoint_type"]]  # what it takes depends on the class
     settings = cls.SETTINGS(**metadata["settings"])
     if "canonical" in metadata:
         return cls(settings, _build(metadata["canonical"]))

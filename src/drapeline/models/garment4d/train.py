@@ -74,7 +74,7 @@ def train_posed(job: Job) -> None:
     stage = MgnStage if params.mgn else PosedStage
     device = fastest_device(params.trainer["accelerator"])
     canonical = load_stage(job.input.canonical, CanonicalStage).to(device)
-    settings = stage.SETTINGS(**params.settings)
+    settings: Any = stage.SETTINGS(**params.settings)
 
     def complete(folder: Path) -> None:
         if not params.mgn:  # a baseline to compare with, not to be used

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -39,7 +39,10 @@ class TopologyBatch:
         )
 
 
-class GarmentCodec(torch.nn.Module, ABC):
+Part = TypeVar("Part", bound=TopologyBatch)
+
+
+class GarmentCodec(torch.nn.Module, ABC, Generic[Part]):
     """Garments to codes and back, given conditions.
 
     Args:
@@ -57,6 +60,8 @@ class GarmentCodec(torch.nn.Module, ABC):
     model: ClassVar[str]
     SETTINGS: ClassVar[type[Settings]]
     resolves_penetration: ClassVar[bool] = False
+    offset_mean: torch.Tensor
+    offset_std: torch.Tensor
 
     def __init__(self, settings: Any, body_template: BodyTemplate) -> None:
         super().__init__()
@@ -80,12 +85,12 @@ class GarmentCodec(torch.nn.Module, ABC):
     def seed(self) -> int:
         """Seed of whatever is drawn."""
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
+    @abstractmethod
+    def part(self, batch: Batch, rows: torch.Tensor) -> Part:
         """The samples of a batch in rows of one topology."""
-        return TopologyBatch.of(batch, rows)
 
     @abstractmethod
-    def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
+    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
         """Codes in the order of the parts."""
 
     @abstractmethod
@@ -96,7 +101,7 @@ class GarmentCodec(torch.nn.Module, ABC):
 
     # ---- the same for all
 
-    def parts(self, batch: Batch) -> dict[str, TopologyBatch]:
+    def parts(self, batch: Batch) -> dict[str, Part]:
         """The batch by topology; a topology without samples is left out."""
         rows = rows_by_topology(batch["topology"])
         return {name: self.part(batch, some) for name, some in rows.items()}
@@ -190,7 +195,7 @@ class Codes(NamedTuple):
 
 
 def encode_rows(
-    model: GarmentCodec, read: Callable[[np.ndarray], Batch], rows: Sequence[int]
+    model: GarmentCodec, read: Callable[[np.ndarray], Batch], rows: Sequence[int] | np.ndarray
 ) -> Codes:
     """Codes of rows that are read a batch at a time, in their order."""
     means, log_variances = [], []
@@ -201,7 +206,9 @@ def encode_rows(
     return Codes(np.concatenate(means), np.concatenate(log_variances))
 
 
-def encode_garments(model: GarmentCodec, garments: Garments, rows: Sequence[int]) -> Codes:
+def encode_garments(
+    model: GarmentCodec, garments: Garments, rows: Sequence[int] | np.ndarray
+) -> Codes:
     """Codes of rows of a dataset, in their order."""
     return encode_rows(model, garments.batch, rows)
 
@@ -217,7 +224,7 @@ def encode_held_out(model: GarmentCodec, garments: Garments, training: Codes) ->
 
 def decode_codes(
     model: GarmentCodec, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
-) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+) -> Iterator[tuple[np.ndarray, Any]]:
     """Garments of codes, one by one: offsets (V, 3) in metres, and mask (V,) or None.
 
     Args:

@@ -109,8 +109,8 @@ def dynamic_rows(
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                measures = measured_in_motion(moving, add_kl(measures, codes.kl_nat()))
-                measured.setdefault(name, []).extend(measures)
+                measures = add_kl(measures, codes.kl_nat())
+                measured.setdefault(name, []).extend(measured_in_motion(moving, measures))
         tables += [_summarise(model, frames, name, split) for name, frames in measured.items()]
     return join(tables)
 

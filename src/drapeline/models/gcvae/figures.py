@@ -3,9 +3,9 @@
 CLOTH3D figures 7, 9 and 10.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -312,7 +312,7 @@ def interpolate_as_figure_9(
         "topology": ("Jumpsuit", "Dress"),
         "all": ("Skirt", "Tshirt"),
     }
-    ends_of = {
+    ends_of: dict[str, Callable[..., tuple[Any, Any]]] = {
         "shape": lambda a: (at(a, shape=small), at(a, shape=large)),
         "tightness": lambda a: (
             at(a, shape=average, tightness=tightness(a, _TIGHT)),
@@ -323,7 +323,7 @@ def interpolate_as_figure_9(
         "all": lambda a, b: (at(a), at(b)),
     }
     return {
-        name: interpolate(model, types, *ends_of[name](*needed), steps)
+        name: interpolate(model, types, *ends_of[name](*needed), steps=steps)
         for name, needed in needed_types.items()
         if all(garment in first for garment in needed)
     }
@@ -348,7 +348,7 @@ def plot_evaluated_codes(job: Job) -> None:
     """Codes of static garments by type, as figure 8 of the paper."""
     codes, about = load_codes(Path(job.input.evaluated) / CODES)
     types = [GARMENTS[garment_index] for garment_index in about["garment"]]
-    plot_codes(job.output[0], codes.mean, types, about["split"])
+    plot_codes(job.output[0], codes.mean, types, about["split"].tolist())
 
 
 def plot_walks(job: Job) -> None:

@@ -6,7 +6,7 @@ samples are rows of one matrix.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -15,7 +15,7 @@ from torch import nn
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.settings import GcvaeNetwork
-from drapeline.models.layers.graphs import ChebConv, MeshGraph, UnpoolConv
+from drapeline.models.layers.graphs import ChebConv, MeshGraph, SparseMatrix, UnpoolConv
 from drapeline.models.layers.linear import full_precision, linear
 from drapeline.registration.to_body.topology import TOPOLOGIES
 
@@ -57,7 +57,7 @@ class ResidualLevel(nn.Module):
             self.second.weight.mul_(_SECOND_SCALE)
 
     def forward(
-        self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module, places: torch.Tensor
+        self, x: torch.Tensor, operator: nn.Module, laplacian: SparseMatrix, places: torch.Tensor
     ) -> torch.Tensor:
         """(n, B, F) -> (N, B, width).
 
@@ -103,6 +103,8 @@ class Encoder(nn.Module):
             ResidualLevel(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
+        self.mean: torch.Tensor
+        self.std: torch.Tensor
         self.register_buffer("mean", torch.zeros(nodes * widths[-1]))
         self.register_buffer("std", torch.ones(nodes * widths[-1]))
         self.features = linear(nodes * widths[-1], size.features, rng)
@@ -117,7 +119,7 @@ class Encoder(nn.Module):
             self.code.weight[size.latent :].mul_(0.1)
             self.code.bias[size.latent :].fill_(-4)
 
-    def forward(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> Code:
+    def forward(self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
         rows = (self.pool(graphs, inputs) - self.mean) / self.std
         features = torch.relu(self.features(rows))
@@ -125,12 +127,16 @@ class Encoder(nn.Module):
         mean, log_variance = code.chunk(2, dim=1)
         return Code(mean, log_variance.clamp(*_LOG_VARIANCE_RANGE), condition)
 
-    def pool(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    def pool(
+        self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]
+    ) -> torch.Tensor:
         """Features of the coarsest nodes, (B, nodes * width), before they are normalised."""
         return torch.cat([self._pool(graphs[name], x) for name, x in inputs.items()])
 
     @torch.no_grad()
-    def normalise_by(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> None:
+    def normalise_by(
+        self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]
+    ) -> None:
         """Normalise pooled features by their mean and deviation over a first batch.
 
         Most of a pooled feature is the same for all garments; unnormalised, the differences
@@ -182,7 +188,7 @@ class Decoder(nn.Module):
         self.branches = VertexLinear(vertices, widths[0], outputs)
 
     def forward(
-        self, graphs: nn.ModuleDict, code: torch.Tensor, counts: Mapping[str, int]
+        self, graphs: Mapping[str, MeshGraph], code: torch.Tensor, counts: Mapping[str, int]
     ) -> dict[str, torch.Tensor]:
         """(B, latent + condition), `counts` rows per topology, to topology -> (V, B_t, outputs)."""
         rows = torch.relu(self.spread(torch.relu(self.features(code))))
@@ -203,7 +209,7 @@ class Decoder(nn.Module):
 PLACES = 6
 
 
-def mesh_graphs(body_template: BodyTemplate, order: int) -> nn.ModuleDict:
+def mesh_graphs(body_template: BodyTemplate, order: int) -> dict[str, MeshGraph]:
     """Topology -> graph, with position and normal on the mean rest body as places (N, 6)."""
     graphs = {}
     for name in TOPOLOGIES:
@@ -213,7 +219,7 @@ def mesh_graphs(body_template: BodyTemplate, order: int) -> nn.ModuleDict:
         graphs[name] = MeshGraph(
             body_template.edges[name], body_template.parents[name], order, places
         )
-    return nn.ModuleDict(graphs)
+    return graphs
 
 
 class Gcvae(nn.Module):
@@ -236,8 +242,9 @@ class Gcvae(nn.Module):
         rng: torch.Generator,
     ) -> None:
         super().__init__()
-        self.graphs = mesh_graphs(body_template, size.order)
-        nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
+        graphs = mesh_graphs(body_template, size.order)
+        self.graphs: Any = nn.ModuleDict(graphs)
+        nodes = graphs[TOPOLOGIES[0]].counts[-1]
         self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
         self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, PLACES, size, rng)
 
@@ -286,6 +293,8 @@ class ConditioningAutoencoder(nn.Module):
         self.out = nn.Sequential(
             linear(middle, hidden, rng), nn.ReLU(), linear(hidden, inputs, rng)
         )
+        self.mean: torch.Tensor
+        self.std: torch.Tensor
         self.register_buffer("mean", mean.clone())
         self.register_buffer("std", std.clone())
 

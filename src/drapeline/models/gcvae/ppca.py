@@ -14,7 +14,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -160,6 +160,10 @@ class Ppca(nn.Module):
         super().__init__()
         self.channels = channels
         width = vertices * channels
+        self.regression: torch.Tensor
+        self.basis: torch.Tensor
+        self.noise: torch.Tensor
+        self.observed: torch.Tensor
         self.register_buffer("regression", torch.zeros(conditions + 1, width))
         self.register_buffer("basis", torch.zeros(latent, width))
         self.register_buffer("noise", torch.ones(()))
@@ -236,7 +240,7 @@ class PpcaConstants:
     steepness: float = 6.0  # of the mask's logit against its ramp
 
 
-class GarmentPpca(GarmentCodec):
+class GarmentPpca(GarmentCodec[TopologyBatch]):
     """Base class of the fits of garments at rest and in motion.
 
     Attributes:
@@ -248,6 +252,9 @@ class GarmentPpca(GarmentCodec):
     SETTINGS = PpcaSettings
     constants: ClassVar[PpcaConstants]
     channels: ClassVar[int]
+    cvar_mean: torch.Tensor
+    cvar_std: torch.Tensor
+    laplacians: Any
 
     def __init__(self, settings: PpcaSettings, body_template: BodyTemplate) -> None:
         super().__init__(settings, body_template)
@@ -321,8 +328,12 @@ class GarmentPpca(GarmentCodec):
         mask = torch.cat([part.mask for part in parts.values()], 1)
         known = mask[:, None].repeat(1, self.channels, 1)
         known[:, 3:] = True
-        flat = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
-        return *flat, self._normalise_conditions(conditions_of(parts)[0])
+        flat, seen = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
+        return flat, seen, self._normalise_conditions(conditions_of(parts)[0])
+
+    def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
+        """The samples of a batch in rows of one topology."""
+        return TopologyBatch.of(batch, rows)
 
     def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
         """The exact posterior."""

@@ -18,7 +18,6 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import fit_pca
 from drapeline.metrics.garment import garment_mesh
-from drapeline.metrics.registered import Prediction
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes, encode_garments
 from drapeline.models.gcvae.data import BodyTemplate
@@ -49,7 +48,7 @@ class RegisteredOffsets:
             body, faces = self._truth.body(garment.row), self._truth.faces(garment.row)
             yield garment_mesh(body + offsets, faces, mask)
 
-    def predict(self, rows: np.ndarray) -> Iterator[Prediction]:
+    def predict(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Offsets and mask of rows."""
         return ((self.data.offsets[row], self.data.mask[row]) for row in rows)
 
@@ -67,7 +66,7 @@ class OffsetPca(RegisteredOffsets):
         """The number of components."""
         return len(self._pca.axes)
 
-    def predict(self, rows: np.ndarray) -> Iterator[Prediction]:
+    def predict(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Offsets and mask of rows from their components."""
         return (self._pca.rebuild(self.data.offsets[row]) for row in rows)
 
@@ -83,7 +82,7 @@ class VaeCode(RegisteredOffsets):
         """The size of z."""
         return self._model.latent
 
-    def predict(self, rows: np.ndarray) -> Iterator[Prediction]:
+    def predict(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Offsets and mask of rows, encoded and decoded."""
         z = encode_garments(self._model, self.data, rows).mean
         return decode_codes(self._model, z, self.data.cvar(rows), self.data.topology(rows))
@@ -187,6 +186,7 @@ def fit_code(
 
     def loss(z: torch.Tensor) -> torch.Tensor:
         decoded, probability = model.decode(z, *given)
+        assert probability is not None
         away = ((decoded[0] - offsets) / scale)[covered].abs().mean()
         crossing = functional.binary_cross_entropy(
             probability[0][known].clamp(1e-4, 1 - 1e-4), mask[known].float()

@@ -191,9 +191,9 @@ def draw_requests(
     garments: Sequence[str],
     *,
     female_share: float,
-    shape: Sequence[float] | None,
+    shape: Sequence[float] | np.ndarray | None,
     shape_range: float,
-    tightness: Sequence[float] | None,
+    tightness: Sequence[float] | np.ndarray | None,
     tightness_range: Sequence[float],
 ) -> dict[str, Request]:
     """Name -> request, taking turns over the garment types.
@@ -214,7 +214,8 @@ def draw_requests(
         rng = rng_for(seed, "sampled garment", name, "conditions")
         gender = GENDERS[int(rng.random() >= female_share)]
         random_shape = rng.uniform(-shape_range, shape_range, 10)
-        random_tightness = rng.uniform(*tightness_range, 2)
+        low, high = tightness_range
+        random_tightness = rng.uniform(low, high, 2)
         requests[name] = Request(
             garments[index % len(garments)],
             gender,
@@ -330,7 +331,7 @@ def sample_table(
     sampled: Sequence[SampledGarment], body_faces: np.ndarray
 ) -> list[dict[str, str | float]]:
     """A row per sample: what was asked for, what came of it, and measures before and after."""
-    rows = []
+    rows: list[dict[str, str | float]] = []
     for sample in sampled:
         before = shape_measures(sample.decoded, sample.body, body_faces)
         after = shape_measures(sample.mesh, sample.body, body_faces)
@@ -450,7 +451,7 @@ def sample_garments_of_codes(job: Job) -> None:
     sampled = sample_garments(model, types, requests, params.seed, settle=params.settle)
     faces = model.body_template.faces["body"]
     rows = save_samples(job.output[0], sampled, load_bodies(given), faces)
-    good = sum(row["inside_1cm_share"] <= 0.05 for row in rows)
+    good = sum(float(row["inside_1cm_share"]) <= 0.05 for row in rows)
     LOGGER.info(
         "%d of %d garments have at most 5 %% of their vertices deeper than 1 cm", good, len(rows)
     )

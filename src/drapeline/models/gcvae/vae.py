@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -73,7 +74,7 @@ class VaeBatch(TopologyBatch):
     target: torch.Tensor  # (V, 3, B_t) normalised offsets
 
 
-class GarmentVae(GarmentCodec, TrainableModule):
+class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
     """Base class of SVAE and DVAE: network, loss, schedules and metrics.
 
     Args:
@@ -87,7 +88,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
         seed = settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
         self.build(body_template, inputs, rng)
-        self.normals = torch.nn.ModuleDict(
+        self.normals: Any = torch.nn.ModuleDict(
             {
                 name: FaceNormals(
                     body_template.faces[name],
@@ -155,8 +156,8 @@ class GarmentVae(GarmentCodec, TrainableModule):
         part = TopologyBatch.of(batch, rows)
         base, inputs = self.base_and_inputs(batch, rows)
         target = self.normalise(part.offsets, "offset")
-        inputs = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
-        return VaeBatch(**vars(part), base=base, inputs=inputs, target=target)
+        seen = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
+        return VaeBatch(**vars(part), base=base, inputs=seen, target=target)
 
     def encode_parts(self, parts: Mapping[str, VaeBatch]) -> Code:
         """Codes in the order of the parts."""

@@ -19,6 +19,8 @@ from drapeline.models.layers.linear import he_uniform
 class SparseMatrix(nn.Module):
     """A constant (M, N) matrix that maps (N, ...) tensors to (M, ...) ones, differentiably."""
 
+    forward_value: torch.Tensor
+
     def __init__(self, matrix: sparse.spmatrix) -> None:
         super().__init__()
         self.shape = matrix.shape
@@ -191,6 +193,10 @@ class ClusterMax(nn.Module):
     Children that tie all receive the gradient: after a ReLU only zeros tie, and those pass none on.
     """
 
+    slot_0: torch.Tensor
+    place: torch.Tensor
+    parents: torch.Tensor
+
     def __init__(self, parents: np.ndarray, coarse: int) -> None:
         super().__init__()
         order = np.argsort(parents, kind="stable")
@@ -205,8 +211,8 @@ class ClusterMax(nn.Module):
             there = by_size[sizes[by_size] > slot]
             table = torch.from_numpy(order[start[there] + slot])
             self.register_buffer(f"slot_{slot}", table, persistent=False)
-        for name, table in (("place", np.argsort(by_size)), ("parents", parents)):
-            table = torch.from_numpy(np.asarray(table, dtype=np.int64))
+        for name, index in (("place", np.argsort(by_size)), ("parents", parents)):
+            table = torch.from_numpy(np.asarray(index, dtype=np.int64))
             self.register_buffer(name, table, persistent=False)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:

@@ -12,7 +12,7 @@ layers, which take a large part of its forward pass: `SearchMemory` answers thos
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 import warp as wp
@@ -33,14 +33,14 @@ _CELLS_PER_POINT, _CELLS_PER_AXIS = 4, 1024
 
 @wp.kernel
 def _farthest(
-    points: wp.array2d(dtype=wp.vec3),
-    index: wp.array2d(dtype=wp.int64),
-    distance: wp.array2d(dtype=float),
-    low: wp.array2d(dtype=wp.vec3),
-    high: wp.array2d(dtype=wp.vec3),
-    most: wp.array2d(dtype=float),
-    top: wp.array2d(dtype=int),
-    chosen: wp.array2d(dtype=wp.int64),
+    points: wp.array2d[wp.vec3],
+    index: wp.array2d[wp.int64],
+    distance: wp.array2d[float],
+    low: wp.array2d[wp.vec3],
+    high: wp.array2d[wp.vec3],
+    most: wp.array2d[float],
+    top: wp.array2d[int],
+    chosen: wp.array2d[wp.int64],
 ):
     """One thread per cloud, whose points come in buckets of neighbours (Han et al., QuickFPS).
 
@@ -106,9 +106,9 @@ class _PointGrid:
         nx, ny, nz: numbers of cells.
     """
 
-    points: wp.array2d(dtype=wp.vec3)
-    index: wp.array2d(dtype=wp.int64)
-    start: wp.array2d(dtype=int)
+    points: wp.array2d[wp.vec3]
+    index: wp.array2d[wp.int64]
+    start: wp.array2d[int]
     low: wp.vec3
     side: float
     nx: int
@@ -164,9 +164,7 @@ def _nearest_in_rings(grid: _PointGrid, cloud: int, place: wp.vec3, x: int, y: i
 
 
 @wp.func
-def _nearest_of_all(
-    points: wp.array1d(dtype=wp.vec3), valid: wp.array1d(dtype=wp.bool), place: wp.vec3
-):
+def _nearest_of_all(points: wp.array[wp.vec3], valid: wp.array[wp.bool], place: wp.vec3):
     """Index of the valid point nearest to a place; 0 if there is none."""
     least = float(wp.inf)
     best = wp.int64(0)
@@ -199,7 +197,7 @@ def _fill_from_cells(
     y: int,
     z: int,
     squared_radius: float,
-    found: wp.array1d(dtype=wp.int64),
+    found: wp.array[wp.int64],
 ):
     """Keep the lowest indices of a ball in a sorted list; returns how many it holds."""
     width = found.shape[0]
@@ -222,11 +220,11 @@ def _fill_from_cells(
 
 @wp.func
 def _fill_in_order(
-    points: wp.array1d(dtype=wp.vec3),
-    valid: wp.array1d(dtype=wp.bool),
+    points: wp.array[wp.vec3],
+    valid: wp.array[wp.bool],
     place: wp.vec3,
     squared_radius: float,
-    found: wp.array1d(dtype=wp.int64),
+    found: wp.array[wp.int64],
 ):
     """Look at all points until the list is full; returns how many it holds."""
     count = int(0)  # noqa: RUF046, UP018
@@ -242,12 +240,12 @@ def _fill_in_order(
 
 @wp.kernel
 def _ball(
-    points: wp.array2d(dtype=wp.vec3),
-    valid: wp.array2d(dtype=wp.bool),
+    points: wp.array2d[wp.vec3],
+    valid: wp.array2d[wp.bool],
     grid: _PointGrid,
-    centres: wp.array2d(dtype=wp.vec3),
+    centres: wp.array2d[wp.vec3],
     squared_radius: float,
-    chosen: wp.array3d(dtype=wp.int64),
+    chosen: wp.array3d[wp.int64],
 ):
     """One thread per centre, which looks into the cells around it, or at all points in order.
 
@@ -282,11 +280,11 @@ def _ball(
 
 @wp.kernel
 def _nearest(
-    points: wp.array2d(dtype=wp.vec3),
-    valid: wp.array2d(dtype=wp.bool),
-    queries: wp.array2d(dtype=wp.vec3),
-    squared: wp.array3d(dtype=float),
-    chosen: wp.array3d(dtype=wp.int64),
+    points: wp.array2d[wp.vec3],
+    valid: wp.array2d[wp.bool],
+    queries: wp.array2d[wp.vec3],
+    squared: wp.array3d[float],
+    chosen: wp.array3d[wp.int64],
 ):
     """One thread per query keeps a sorted list; `squared` comes in as infinity."""
     cloud, query = wp.tid()
@@ -313,12 +311,12 @@ def _nearest(
 
 @wp.kernel
 def _nearest_one(
-    points: wp.array2d(dtype=wp.vec3),
-    valid: wp.array2d(dtype=wp.bool),
+    points: wp.array2d[wp.vec3],
+    valid: wp.array2d[wp.bool],
     grid: _PointGrid,
-    queries: wp.array2d(dtype=wp.vec3),
-    squared: wp.array3d(dtype=float),
-    chosen: wp.array3d(dtype=wp.int64),
+    queries: wp.array2d[wp.vec3],
+    squared: wp.array3d[float],
+    chosen: wp.array3d[wp.int64],
 ):
     """One thread per query looks into the cells around it; `squared` comes in as infinity."""
     cloud, query = wp.tid()
@@ -519,7 +517,7 @@ def _launch(kernel: wp.Kernel, *values: Any) -> None:
     wp.launch(kernel, dim=shape, inputs=arrays, device=arrays[-1].device)
 
 
-Answer = torch.Tensor | tuple[torch.Tensor, ...]
+Answer = TypeVar("Answer", bound=torch.Tensor | tuple[torch.Tensor, ...])
 
 
 class Searches:
@@ -602,7 +600,7 @@ def _split(answer: Answer, count: int) -> list[list[torch.Tensor]]:
     return [list(part) for part in zip(*(x.chunk(count) for x in narrow), strict=True)]
 
 
-def _join(parts: Sequence[Sequence[torch.Tensor]]) -> Answer:
+def _join(parts: Sequence[Sequence[torch.Tensor]]) -> Any:
     """One answer about all windows."""
     whole = [torch.cat(x) for x in zip(*parts, strict=True)]
     wide = tuple(x if x.is_floating_point() else x.long() for x in whole)

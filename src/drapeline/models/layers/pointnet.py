@@ -197,6 +197,9 @@ class RunningNorm(nn.Module):
 
     def __init__(self, features: int) -> None:
         super().__init__()
+        self.mean: torch.Tensor
+        self.square: torch.Tensor
+        self.steps: torch.Tensor
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("square", torch.ones(features))
         self.register_buffer("steps", torch.zeros(()))

@@ -77,6 +77,7 @@ class FieldDecoder(torch.nn.Module):
             max(round(width * size), 4) for size in (*STYLE_WIDTHS, *QUERY_WIDTHS, *WIDTHS)
         )
         self.clusters, self.cut, self.style = clusters, cut, style
+        self.fc0: WeightNormLinear
         self.fc0_cloth = WeightNormLinear(style, style_1, rng)
         self.fc1_cloth = WeightNormLinear(style_1, style_2, rng)
         self.fc0_query = WeightNormLinear(3 * clusters, query_1, rng)
@@ -112,7 +113,8 @@ class FieldDecoder(torch.nn.Module):
         self, places: torch.Tensor, z_cut: torch.Tensor, z_style: torch.Tensor
     ) -> Conditioned:
         """The part that does not depend on the points; see `forward`."""
-        return Conditioned(*self.fold(places), self.base(z_cut, z_style))
+        weight, bias = self.fold(places)
+        return Conditioned(weight, bias, self.base(z_cut, z_style))
 
     def base(self, z_cut: torch.Tensor, z_style: torch.Tensor) -> torch.Tensor:
         """(B, H0) what codes add to the first joint layer; all that depends on them."""

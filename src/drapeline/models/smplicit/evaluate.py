@@ -209,8 +209,8 @@ class FieldEvaluation:
         found = {"fitted": [a | b for a, b in zip(errors, measures, strict=True)]}
         mean = np.repeat(self._model.mean_code[None], len(rows), axis=0)
         errors = field_errors(network, self._data, rows, mean)
-        measures = self._mean_garments(rows)
-        found["mean_code"] = [a | b for a, b in zip(errors, measures, strict=True)]
+        of_mean = self._mean_garments(rows)
+        found["mean_code"] = [a | b for a, b in zip(errors, of_mean, strict=True)]
         cut = network.decoder.cut
         for name, part in (("cut", slice(0, cut)), ("style", slice(cut, None))):
             found[f"nearest_{name}"] = list(self._nearest(rows, z[:, part], part))
@@ -278,8 +278,15 @@ class FieldEvaluation:
     def _rows(self, name: str, measures: Sequence[Measures], rows: np.ndarray, split: str) -> Table:
         variant = f"{MODEL}_{self._model.name}_{name}"
         measured = measured_at_rest(self._data, rows, measures)
-        how = {"model": MODEL, "variant": variant, "split": split, "seed": self._seed}
-        return summarise(measured, **how, stream=(variant, split), by_source=False)
+        return summarise(
+            measured,
+            model=MODEL,
+            variant=variant,
+            split=split,
+            seed=self._seed,
+            stream=(variant, split),
+            by_source=False,
+        )
 
 
 def transfer_to_body(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:

@@ -63,8 +63,13 @@ def pose_garment(job: Job) -> None:
     params = job.params
     model = SmplicitModel(job.input.model)
     record = load_body_sequence(f"{job.input.bodies}/{params.sample}.npz")
-    wearer, meshing = {"gender": record.gender, "shape": record.shape}, Meshing(**params.meshing)
-    name, z, garment = worn_prototype(job.input.gallery, model, meshing, **wearer)
+    name, z, garment = worn_prototype(
+        job.input.gallery,
+        model,
+        Meshing(**params.meshing),
+        gender=record.gender,
+        shape=record.shape,
+    )
     worn = garment, nearest_type(z, model.codes), model.bodies[record.gender], record
 
     def clip(frames: np.ndarray, skinning: str) -> list[WornGarment]:

@@ -86,7 +86,9 @@ class SmplicitModel:
         """(count, cut + style) codes of new garments; see `draw_between`."""
         return draw_between(self.codes.z, self.codes.garment, rng_for(seed, "samples"), count)
 
-    def field(self, z: np.ndarray, *, gender: str, shape: Sequence[float]) -> NetworkField:
+    def field(
+        self, z: np.ndarray, *, gender: str, shape: Sequence[float] | np.ndarray
+    ) -> NetworkField:
         """The distance field of a code on a body.
 
         Args:
@@ -103,7 +105,12 @@ class SmplicitModel:
         return NetworkField(self.network, z, finite("shape", shape, SHAPES), gender)
 
     def decode(
-        self, z: np.ndarray, *, gender: str, shape: Sequence[float], meshing: Meshing | None = None
+        self,
+        z: np.ndarray,
+        *,
+        gender: str,
+        shape: Sequence[float] | np.ndarray,
+        meshing: Meshing | None = None,
     ) -> FieldGarment:
         """The garment of a code on a body; see `field` for arguments and errors."""
         field = self.field(z, gender=gender, shape=shape)

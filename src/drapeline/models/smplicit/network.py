@@ -138,7 +138,8 @@ class GarmentField(TrainableModule):
         start: bool = True,
     ) -> None:
         super().__init__()
-        self.name, self.settings = name, settings
+        self.name = name
+        self.settings: FieldSettings = settings
         sizes, seed = settings.network, settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
         self.decoder = FieldDecoder(
@@ -148,6 +149,7 @@ class GarmentField(TrainableModule):
         if sizes.encoder_weights and start:
             load_encoder_weights(self.encoder, sizes.encoder_weights)
         self.styles = torch.nn.Parameter(torch.zeros(rows, sizes.style))
+        self.place_basis: torch.Tensor
         self.register_buffer("place_basis", place_basis)
 
     @property
@@ -241,7 +243,7 @@ class GarmentField(TrainableModule):
     def _points(self, batch: Batch, near: Any, space: Any) -> Points:
         places, distances = [], []
         for name, some in (("near", near), ("space", space)):
-            index = (slice(None), some)
+            index: tuple[Any, Any] = (slice(None), some)
             if not isinstance(some, slice):
                 index = (torch.arange(len(some))[:, None], torch.from_numpy(some))
             places.append(batch[name][index])
@@ -267,10 +269,11 @@ class GarmentField(TrainableModule):
             {"params": query, RATE_SHARE: training.query_rate},
             {"params": [self.styles], RATE_SHARE: training.style_rate},
         ]
-        parts = [torch.optim.Adam(adam, lr=training.learning_rate, fused=True)]
+        rate = training.learning_rate
+        parts: list[torch.optim.Optimizer] = [torch.optim.Adam(adam, lr=rate, fused=True)]
         if matrices:
             group = [{"params": matrices, RATE_SHARE: training.muon_rate}]
-            parts.append(Muon(group, lr=training.learning_rate))
+            parts.append(Muon(group, lr=rate))
         return JointOptimizer(parts)
 
 

@@ -286,6 +286,7 @@ class _Tasks:
             f"{_HERE}.figures:plot_sheets",
             {**self.files.bodies, "gallery": f"{self.folder}/gallery/{name}"},
             {},
+            environment="train",
             **{
                 sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
                 for sheet, title in _SHEETS.items()

@@ -63,14 +63,15 @@ class History(Callback):
     """A row per epoch, kept in the checkpoint so that a resumed training has the earlier ones."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.rows = path, []
+        self.path = path
+        self.rows: list[dict[str, float]] = []
         self._started = time.perf_counter()
 
     def on_train_epoch_start(self, *_: Any) -> None:
         """Start the clock."""
         self._started = time.perf_counter()
 
-    def on_train_epoch_end(self, trainer: Trainer, loop: LightningModule) -> None:
+    def on_train_epoch_end(self, trainer: Trainer, loop: Any) -> None:
         """Write the epoch's row, and a line of it to the log."""
         loop.log_epoch("train")
         values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
@@ -172,8 +173,9 @@ class _Loop(LightningModule):
         training = self.trained.settings.training
         share = self.global_step / self.trainer.estimated_stepping_batches
         rate = learning_rate(training.learning_rate, training.schedule, share)
-        for group in self.optimizers().param_groups:
-            group["lr"] = rate * group.get(RATE_SHARE, 1.0)
+        for optimizer in self.trainer.optimizers:
+            for group in optimizer.param_groups:
+                group["lr"] = rate * group.get(RATE_SHARE, 1.0)
 
     def training_step(self, batch: Batch, _: int) -> torch.Tensor:
         """Loss of one batch."""
@@ -202,7 +204,7 @@ class _Loop(LightningModule):
         """
         for values, count in self._means.take(stage):
             # As whole numbers, the mean of their counts would be cut off to one.
-            rows = float(count)
+            rows: Any = float(count)
             self.log_dict(values, on_step=False, on_epoch=True, batch_size=rows, sync_dist=True)
 
 

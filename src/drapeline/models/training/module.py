@@ -21,7 +21,10 @@ RATE_SHARE = "rate_share"
 
 
 class _HasTraining(Protocol):
-    training: Training
+    @property
+    def training(self) -> Training: ...
+
+    def plain(self) -> dict[str, Any]: ...
 
 
 class Progress(NamedTuple):
@@ -33,10 +36,10 @@ class Progress(NamedTuple):
 
 
 class Logged(NamedTuple):
-    """Means over a batch of `count` rows."""
+    """Means over a batch of so many rows."""
 
     values: dict[str, torch.Tensor]
-    count: int
+    rows: int
 
 
 class TrainableModule(torch.nn.Module, ABC):

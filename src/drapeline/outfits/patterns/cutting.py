@@ -120,10 +120,12 @@ def cut_garment(
     """Build a garment from the sampled numbers of its parts, which are sewn at the waist."""
     pattern = Pattern()
     below = trousers_cut(form, trousers) if trousers else skirt_cut(form, skirt) if skirt else None
-    half, waist_ids = None, None
-    if below is not None:
-        count = trousers_half_ring if trousers else skirt_half_ring
-        half = count(form, below, edge_length_m)
+    half: int | None = None
+    waist_ids: np.ndarray | None = None
+    if isinstance(below, TrousersCut):
+        half = trousers_half_ring(form, below, edge_length_m)
+    elif below is not None:
+        half = skirt_half_ring(form, below, edge_length_m)
     if upper is not None:
         cut = upper_cut(form, upper, None if below is None else below.waist)
         if half is not None:
@@ -131,9 +133,12 @@ def cut_garment(
             half = min(half, 2 * round(0.8 * chest_half_ring(form, cut, edge_length_m)))
         build_upper(pattern, form, cut, edge_length_m, half)
         waist_ids = pattern.marks["hem"]
-    if below is not None:
-        build = build_trousers if trousers else build_skirt
-        build(pattern, form, below, edge_length_m, half, waist_ids)
-        if upper is not None:
-            del pattern.marks["hem"]
+    if below is None or half is None:
+        return pattern
+    if isinstance(below, TrousersCut):
+        build_trousers(pattern, form, below, edge_length_m, half, waist_ids)
+    else:
+        build_skirt(pattern, form, below, edge_length_m, half, waist_ids)
+    if upper is not None:
+        del pattern.marks["hem"]
     return pattern

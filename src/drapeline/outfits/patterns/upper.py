@@ -100,9 +100,9 @@ def build_upper(
     pattern.panels = pattern.panels[:-2]
     _front_panels(pattern, cut, front, counts, edge_length_m)
     pattern.add_panel(back, counts.half // 2)
-    if cut.sleeve_x is not None:
+    if cut.sleeve_x is not None and cut.sleeve is not None:
         for side in ("left", "right"):
-            _sleeve(pattern, form, cut, side, edge_length_m)
+            _sleeve(pattern, form, (cut.sleeve_x, cut.sleeve), side, edge_length_m)
 
 
 def chest_half_ring(form: DressForm, cut: UpperCut, edge_length_m: float) -> int:
@@ -182,12 +182,13 @@ def _count(
     bottom = int(np.clip(round(0.3 * total), 1, half // 2 - shoulder - 2))
     side = max(4, total - bottom)
     neck = half - 2 * bottom - 2 * shoulder
-    notches = [
+    front, back = (
         int(np.clip(round((curve_length(necks[n]) / e - neck) / 2), 0, side - 2))
         for n in ("front", "back")
-    ]
+    )
     rows = max(3, round((underarm - cut.hem) / e))
-    return _Counts(half, bottom, side, shoulder, *notches, rows, min(rows - 1, round(0.06 / e)))
+    loose = min(rows - 1, round(0.06 / e))
+    return _Counts(half, bottom, side, shoulder, front, back, rows, loose)
 
 
 def _torso(
@@ -343,21 +344,26 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
 
 
 def _sleeve(
-    pattern: Pattern, form: DressForm, cut: UpperCut, side: str, edge_length_m: float
+    pattern: Pattern,
+    form: DressForm,
+    cut: tuple[float, WidthLine],
+    side: str,
+    edge_length_m: float,
 ) -> None:
+    end_x, width = cut
     loop = pattern.marks[f"{side}_armhole"]
     sign = 1.0 if side == "left" else -1.0
     start = pattern.vertices[loop] * [sign, 1, 1]
     arm = straighten(form.arm, 0.07)
-    length = cut.sleeve_x - start[:, 0].mean()
+    length = end_x - start[:, 0].mean()
     rows = max(2, round(length / edge_length_m))
     shoulder_x = form.landmarks["shoulder_x"]
     grid = []
     for row in range(1, rows + 1):
-        x = start[:, 0] + (cut.sleeve_x - start[:, 0]) * row / rows
+        x = start[:, 0] + (end_x - start[:, 0]) * row / rows
         mean = x.mean()
         own = arm.radius_at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
-        wide = cut.sleeve(max(0.0, mean - shoulder_x)) / 2
+        wide = width(max(0.0, mean - shoulder_x)) / 2
         extra = max(GAP_M, wide - own)
         outline = limb_loop(arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
         # Cloth lies on top of the arm; what it is wider hangs below.

@@ -176,7 +176,7 @@ def _heights(
     pairs = edges(body.faces)
     lengths = edge_lengths(template, pairs)
     both = np.concatenate([pairs, pairs[:, ::-1]])
-    mean_length = np.bincount(both[:, 0], np.tile(lengths, 2), count)
+    mean_length: np.ndarray = np.bincount(both[:, 0], np.tile(lengths, 2), count)
     mean_length /= np.maximum(np.bincount(both[:, 0], minlength=count), 1)
     out = np.full(count, -np.inf)
     for start, end, place, parts in _CUTS:

@@ -150,10 +150,11 @@ def _strip(
         if len(owners) == 1 and set(start) <= left:
             strip, crossed = _follow_strip(start, ways)
             if set(crossed[-1]) <= right:
-                return np.array(strip), *(
+                front, back = (
                     _chain([next(v for v in pair if before[v] == side) for pair in crossed])
                     for side in (True, False)
                 )
+                return np.array(strip), front, back
     raise ValueError("no strip of faces leads along the inner legs from one ankle to the other")
 
 
@@ -312,7 +313,7 @@ def build_topology(body: SuperBody) -> Topology:
     return Topology(
         faces=body.faces,
         skirt_faces=skirt.faces,
-        joining=np.int32(skirt.added),
+        joining=np.array(skirt.added, dtype=np.int32),
         inner_leg=skirt.inner_leg,
         segments=segment_body(rest, body.faces, skirt.faces, variability),
         corners=body.corners,

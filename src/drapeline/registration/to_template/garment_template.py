@@ -167,8 +167,8 @@ def _middle_numbers(garment: str) -> dict[str, Any]:
     garment_type = GARMENT_TYPES[garment]
     parts: dict[str, dict[str, Any]] = {}
     if "upper" in garment_type.parts:
-        names = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m")
-        numbers = {name: middle[name] for name in names}
+        names: tuple[str, ...] = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m")
+        numbers: dict[str, Any] = {name: middle[name] for name in names}
         numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
         numbers |= {"front": "closed"}
         if garment_type.sleeve_chance:

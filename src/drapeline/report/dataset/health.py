@@ -178,7 +178,7 @@ def _plot_rows(
 
 def _draw_band(axes: Axes, measure: HealthMeasure) -> None:
     lower, upper = measure.bounds
-    if upper is None and lower is None:
+    if upper is None:
         return
     text = f"goal: {'' if lower is None else f'{lower:g} to '}{'at most ' if lower is None else ''}"
     axes.axvspan(

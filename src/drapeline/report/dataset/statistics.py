@@ -103,7 +103,15 @@ def plot_bodies(path: str | Path, records: Sequence[SampleRecord]) -> None:
                         if record.meta["body"]["gender"] == gender
                     ]
                 ).reshape(-1, 2)
-                each.scatter(*points.T, s=46, color=colour, alpha=0.8, linewidths=0, label=gender)
+                each.scatter(
+                    points[:, 0],
+                    points[:, 1],
+                    s=46,
+                    color=colour,
+                    alpha=0.8,
+                    linewidths=0,
+                    label=gender,
+                )
             each.set(xlabel=x_label, ylabel=y_label)
             each.grid(True)
             each.locator_params(nbins=5)
@@ -163,7 +171,7 @@ def _stacked_bars(
         axes.set_yticks(places, counts.index)
         axes.invert_yaxis()
         axes.set_xlim(0, 1.1 * ends.max())
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.locator_params(axis="x", integer=True)
         axes.set_xlabel(label)
         _quiet_rows(axes)
         place_legend_above(axes)

@@ -135,7 +135,7 @@ def measured_variants(measured: Table, model: str) -> list[str]:
     ]
 
 
-def _printed_scans() -> list[dict[str, object]]:
+def _printed_scans() -> list[dict[str, str]]:
     return [
         {"Method": method}
         | {

@@ -31,6 +31,27 @@ _TARGET_HEIGHT_M = 0.95
 _EMPTY = 255  # white, like the background of the others
 
 
+def draw(meshes: Mapping[str, Mesh], size: tuple[int, int] = PICTURE_SIZE) -> np.ndarray:
+    """A picture of somebody in clothes, by the ray tracer that draws the report's.
+
+    Args:
+        meshes: garment type, or "Body" -> mesh, metres, Z up; each type has its colour.
+        size: width and height of the picture, pixels.
+
+    Returns:
+        (height, width, 3) uint8. The floor is at the lowest vertex.
+    """
+    vertices = [mesh.vertices for mesh in meshes.values()]
+    floor = float(min(part[:, 2].min() for part in vertices))
+    parts = [
+        ColouredMesh(
+            mesh.vertices, mesh.faces, garment_colour(name) if name in GARMENTS else BODY_COLOUR
+        )
+        for name, mesh in meshes.items()
+    ]
+    return fit_scene(Scene(floor_z=floor), vertices, size).picture(parts, size)
+
+
 @dataclass(frozen=True)
 class Scene:
     """The view of a dressed body that stands, or moves, above the floor."""

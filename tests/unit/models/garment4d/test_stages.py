@@ -74,7 +74,7 @@ def toy(data):
 def test_a_step_gives_the_total_and_logs_all_terms_and_the_error(toy):
     loss = toy.training_step(BATCH)
     (logged,) = toy.logged
-    assert logged.count == 2
+    assert logged.rows == 2
     assert logged.values.keys() == {"train_squared", "train_total", "train_toy_error_mm"}
     assert float(logged.values["train_total"]) == float(loss.detach())
     loss.backward()

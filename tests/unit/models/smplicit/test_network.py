@@ -123,7 +123,7 @@ def test_the_validation_is_logged(model, fields):
     model.eval()
     model.validation_step(as_tensors(fields.batch(fields.rows("val"))))
     (logged,) = model.logged
-    assert logged.count == 2
+    assert logged.rows == 2
     assert logged.values["val_distance_mm"] > 0
 
 

@@ -58,7 +58,7 @@ def test_means_are_logged_under_the_stage_and_hold_no_graph():
     pair.log_means("val", {"loss": pair.training_step({})}, 5)
     (logged,) = pair.logged
     assert isinstance(logged, Logged)
-    assert logged.count == 5
+    assert logged.rows == 5
     assert not logged.values["val_loss"].requires_grad
     assert float(logged.values["val_loss"]) == 2
 

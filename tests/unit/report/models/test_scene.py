@@ -12,6 +12,7 @@ from drapeline.report.models.scene import (
     GarmentPicture,
     Scene,
     cloud_parts,
+    draw,
     fit_scene,
     plot_views,
     share_scale,
@@ -120,3 +121,13 @@ def test_views_are_written_row_by_row(tmp_path):
     one, three = Image.open(tmp_path / "v.png").size, (2, 2)
     assert one[0] > three[0] * 240
     assert one[1] > three[1] * 250
+
+
+def test_a_drawn_garment_has_its_own_colour():
+    mesh = Mesh(POINTS.astype(np.float32), FACES)
+    skirt, dress = (draw({name: mesh}, (60, 80)) for name in ("Skirt", "Dress"))
+    assert skirt.shape == (80, 60, 3)
+    assert skirt.dtype == np.uint8
+    differs = (skirt != dress).any(axis=2)
+    assert 0.05 < differs.mean() < 0.9  # the cloth, and not what is behind it
+    assert (draw({"Body": mesh}, (60, 80)) == draw({"Somebody": mesh}, (60, 80))).all()

@@ -139,7 +139,11 @@ def load_gallery(folder: str | Path, bodies: Mapping[str, BodyModel]) -> list[Ga
     about = load_npz(folder / CODES, {key: _FORMS[key] for key in _PICTURED})
     return [
         GalleryGarment(
-            *(str(row[key]) for key in ("sheet", "row", "column", "caption", "garment")),
+            str(row["sheet"]),
+            str(row["row"]),
+            str(row["column"]),
+            str(row["caption"]),
+            str(row["garment"]),
             _read(folder / f"{row['name']}.obj"),
             _wearer(bodies[str(row["gender"])], row["shape"]),
         )
@@ -192,9 +196,9 @@ def _text(value: str | float) -> str:
 
 def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: Meshing) -> Row:
     """Decode a garment and write its files."""
-    wearer = {"gender": item.gender, "shape": np.asarray(item.shape)}
-    mesh = model.decode(item.z, **wearer, meshing=meshing).sheet
-    body = _wearer(model.bodies[item.gender], wearer["shape"])
+    shape = np.asarray(item.shape)
+    mesh = model.decode(item.z, gender=item.gender, shape=shape, meshing=meshing).sheet
+    body = _wearer(model.bodies[item.gender], shape)
     garment = nearest_type(item.z, model.codes)
     parts = [still_part("Body", body, BODY_COLOUR)]
     properties = dict.fromkeys(properties_of(region_of(model.name)), np.nan)
@@ -202,7 +206,7 @@ def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: M
         save_obj(folder / f"{name}.obj", mesh)
         parts.append(still_part(garment, mesh, PLAIN_COLOUR))
         properties = measure_properties(
-            region_of(model.name), mesh, model.bodies[item.gender], wearer["shape"]
+            region_of(model.name), mesh, model.bodies[item.gender], shape
         )
     write_glb(folder / f"{name}.glb", parts)
     measures = shape_measures(mesh, body.vertices, body.faces)
@@ -241,7 +245,7 @@ def _like_training(made: Row, space: CodeSpace) -> bool:
         return False
     for name, value in space.values.items():
         low, high = np.nanmin(value), np.nanmax(value)
-        measured, aside = made[name] / PROPERTIES[name].scale, _BEYOND * (high - low)
+        measured, aside = float(made[name]) / PROPERTIES[name].scale, _BEYOND * (high - low)
         if np.isnan(measured) and name == "neckline":
             continue
         if not low - aside <= measured <= high + aside:

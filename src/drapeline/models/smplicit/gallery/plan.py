@@ -1,6 +1,6 @@
 """The plan of a model's gallery: its codes, on whom, and what is measured (3.4, 4.1)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -200,7 +200,7 @@ def nearest_type(z: np.ndarray, codes: GarmentCodes) -> str:
 def _samples(codes: GarmentCodes, seed: int, count: int) -> list[Shown]:
     """Codes of three distributions, all on the same wearers, who are some of the training's."""
     wearers = rng_for(seed, "gallery", "wearers").integers(len(codes.z), size=count)
-    rows = {
+    rows: dict[str, Callable[..., np.ndarray]] = {
         "one mean and\none deviation\n(the paper's)": single_gaussian(codes.z).draw,
         "the codes'\nnormal distribution": principal_gaussian(codes.z).draw,
         "between similar\ntraining garments": partial(draw_between, codes.z, codes.garment),
@@ -246,8 +246,8 @@ def _axes(codes: GarmentCodes, space: CodeSpace) -> list[Shown]:
             continue
         about = list(space.values)[most]
         title = f"axis {axis + 1}\n{PROPERTIES[about].title}\nr = {of_properties[most]:.2f}"
-        ends = np.clip([scores[:, axis].min(), scores[:, axis].max()], -_FARTHEST, _FARTHEST)
-        steps = np.linspace(*ends, _STEPS)
+        low, high = np.clip([scores[:, axis].min(), scores[:, axis].max()], -_FARTHEST, _FARTHEST)
+        steps = np.linspace(low, high, _STEPS)
         for column, (score, z) in enumerate(zip(steps, space.cut.walk(axis, steps), strict=True)):
             place = ("axes", title, _between(column, "lowest", "highest"))
             shown.append(Shown(*place, z, about=about, score=float(score)))
@@ -286,9 +286,8 @@ def _edits(codes: GarmentCodes, space: CodeSpace) -> list[Shown]:
             asked=float(asked),
         )
         for about in space.edits.names
-        for column, asked in enumerate(
-            np.linspace(*np.nanquantile(space.values[about], _USUAL), _STEPS)
-        )
+        for low, high in [np.nanquantile(space.values[about], _USUAL)]
+        for column, asked in enumerate(np.linspace(low, high, _STEPS))
     ]
 
 

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -253,10 +254,9 @@ class PictureEvaluation:
         for known, outfit in self._find_in_pairs(pictures):
             part = measure_outfit(known, outfit)
             _record(measured, "fitted_in_pair", known, part, means[known.picture.name], {})
-        how = {"model": MODEL, "split": split, "seed": self._seed}
+        summary = partial(summarise, model=MODEL, split=split, seed=self._seed)
         tables = (
-            summarise(part, variant=f"{MODEL}_images_{variant}", **how)
-            for variant, part in measured.items()
+            summary(part, variant=f"{MODEL}_images_{variant}") for variant, part in measured.items()
         )
         return join(tables), shown
 

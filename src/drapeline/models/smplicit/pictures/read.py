@@ -144,7 +144,10 @@ class Picture:
 
 
 def weak_perspective(
-    weak: Sequence[float], corner_px: Sequence[float], ratio: float, size: tuple[int, int]
+    weak: Sequence[float] | np.ndarray,
+    corner_px: Sequence[float] | np.ndarray,
+    ratio: float,
+    size: tuple[int, int],
 ) -> Camera:
     """The camera of a weak perspective in a square crop, as FrankMocap gives it.
 
@@ -250,13 +253,13 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
             )
 
 
-def _photo(path: Path, given: Mapping[str, Any], shape: tuple[int, int]) -> np.ndarray:
+def _photo(path: Path, given: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
     photo = _image(path, given, "photo")
     _check_size(path, f"photo, {given['photo']},", photo, shape)
     return np.repeat(photo[..., None], 3, axis=2) if photo.ndim == 2 else photo
 
 
-def _check_size(path: Path, name: str, image: np.ndarray, shape: tuple[int, int]) -> None:
+def _check_size(path: Path, name: str, image: np.ndarray, shape: tuple[int, ...]) -> None:
     if image.shape[:2] != shape:
         raise InputError(
             f"{path}: the {name} has {image.shape[1]} x {image.shape[0]} pixels, expected"
@@ -277,7 +280,7 @@ def _classes(what: str, values: np.ndarray, labels: Mapping[int, str]) -> np.nda
 
 
 def _masks(
-    path: Path, given: Mapping[str, Any], people: Sequence[Mapping], shape: tuple[int, int]
+    path: Path, given: Mapping[str, Any], people: Sequence[Mapping], shape: tuple[int, ...]
 ) -> np.ndarray | None:
     """(N, H, W) bool, the pixels of each person; None if all pixels are of the only one."""
     if given.get("instances") is not None:
@@ -360,7 +363,7 @@ class _PersonReader:
             return Rotation.from_matrix(turns).as_rotvec().ravel()
         return self._numbers(self.entry, "pose", (72,))
 
-    def _camera(self, shape: tuple[int, int]) -> Camera:
+    def _camera(self, shape: tuple[int, ...]) -> Camera:
         given = self.entry.get("camera", self.picture.get("camera"))
         if not isinstance(given, dict):
             raise self._fail("there is no 'camera', expected one for the person or the picture")

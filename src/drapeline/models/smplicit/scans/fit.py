@@ -152,10 +152,10 @@ class GarmentTerms:
 
     def _first(self, places: np.ndarray, shape: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         """(1, P, H) what the first query layer gives at points, and (H, 3) its weights."""
-        shape = torch.from_numpy(shape.astype(np.float32))
+        coefficients = torch.from_numpy(shape.astype(np.float32))
         points = torch.from_numpy(places.astype(np.float32))[None]
         with torch.no_grad():
-            clusters = self._mean_places + torch.tensordot(shape, self._basis, 1)
+            clusters = self._mean_places + torch.tensordot(coefficients, self._basis, 1)
             weight, bias = self._decoder.fold(clusters[None])
             return points @ weight.mT + bias[:, None], weight[0]
 

@@ -106,7 +106,7 @@ class NearBody:
     def __init__(self, field: DistanceField, box: Box, body: np.ndarray) -> None:
         self._field, self._low, self.clip_m = field, np.asarray(box[0]), field.clip_m
         counts = np.ceil((np.asarray(box[1]) - self._low) / _BLOCK_M).astype(int) + 1
-        centres = np.stack(np.indices(counts), axis=-1).reshape(-1, 3) + 0.5
+        centres = np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3) + 0.5
         reach = REACH_M + _BLOCK_M * 3**0.5 / 2
         tree = KDTree(body, leafsize=_LEAF)
         away, _ = tree.query(self._low + _BLOCK_M * centres, distance_upper_bound=reach)

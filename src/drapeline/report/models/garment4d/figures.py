@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from drapeline.metrics.predictions import Reconstruction, first_reconstructions,
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.sequence import vertex_errors_mm
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.registration.to_template.garment_space import load_space
+from drapeline.registration.to_template.garment_space import GarmentSpace, load_space
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import (
     GridCell,
@@ -47,7 +47,7 @@ STEP_COLUMNS = (
 )
 _MOVING_SIZE = (340, 456)  # 480 pixels high with the titles
 _BASELINE = "#b4b8be"
-_DASHED = {"linewidth": 1, "linestyle": (0, (4, 3))}
+_DASHED: dict[str, Any] = {"linewidth": 1, "linestyle": (0, (4, 3))}
 _ABLATIONS = (
     *("lbs", "mgn", "no_body_encoder", "no_transformer", "as_printed", "nearest_weights"),
     *("posed", "ours"),
@@ -243,16 +243,7 @@ def _draw_ring(picture: np.ndarray, scene: Scene, place: np.ndarray) -> np.ndarr
     return np.asarray(image.resize((width, height), Image.Resampling.BOX))
 
 
-class Space(Protocol):
-    """Principal components of canonical garments, such as a `GarmentSpace`."""
-
-    faces: np.ndarray
-    mean: np.ndarray
-    components: np.ndarray
-    explained: np.ndarray
-
-
-def plot_explained(path: str | Path, spaces: Mapping[str, Space]) -> None:
+def plot_explained(path: str | Path, spaces: Mapping[str, GarmentSpace]) -> None:
     """Share of the training variance that the first components of each type explain together."""
     with saved_figure(path, 6.4, 3.6) as (_, (axes,)):
         if not spaces:
@@ -276,7 +267,7 @@ def plot_explained(path: str | Path, spaces: Mapping[str, Space]) -> None:
         place_legend_above(axes)
 
 
-def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3) -> None:
+def plot_modes(path: str | Path, spaces: Mapping[str, GarmentSpace], *, modes: int = 3) -> None:
     """The first components of each type, from -2 to 2 standard deviations from the mean.
 
     Args:

@@ -98,10 +98,11 @@ def plot_codes(
     with saved_figure(path, 6.4, 5.6) as (_, (axes,)):
         for name, colour in GARMENT_COLOURS.items():
             for held_out in (False, True):
-                here = (garments == name) & ((splits != "train") == held_out)
+                here = np.equal(garments, name) & ((splits != "train") == held_out)
                 if here.any():
                     axes.scatter(
-                        *place[here].T,
+                        place[here, 0],
+                        place[here, 1],
                         s=22 if held_out else 11,
                         color=colour,
                         edgecolor="#222222" if held_out else "none",

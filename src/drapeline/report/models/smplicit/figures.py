@@ -241,7 +241,7 @@ def _camera(person: PersonShown, size: tuple[int, int]) -> Camera:
 
 def _draw(image: np.ndarray, person: PersonShown, garments: Mapping[str, Mesh]) -> np.ndarray:
     """A dressed person over an image (H, W, 3) uint8."""
-    camera = _camera(person, image.shape[1::-1])
+    camera = _camera(person, (image.shape[1], image.shape[0]))
     parts = [
         replace(part, vertices=_upright(part.vertices, camera))
         for part in worn_parts(person.body, garments)

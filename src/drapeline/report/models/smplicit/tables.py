@@ -1,6 +1,6 @@
 """Pages of SMPLicit: how well it holds garments, and what its codes say about them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -130,7 +130,7 @@ def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables])
 def _axes(model: str, tables: GalleryTables) -> list[dict[str, object]]:
     rows: dict[str, dict[str, object]] = {}
     for row in tables.correlations:
-        start = {
+        start: dict[str, object] = {
             "Model": model,
             "Axis": number(row["axis"]),
             "Deviation": number(f"{float(row['deviation']):.3f}"),
@@ -156,7 +156,7 @@ def _told(model: str, tables: GalleryTables) -> list[dict[str, object]]:
     ]
 
 
-def _edits(model: str, tables: GalleryTables) -> list[dict[str, object]]:
+def _edits(model: str, tables: GalleryTables) -> list[dict[str, str]]:
     told = {row["property"]: row for row in tables.regressions}
     edited = [row for row in tables.garments if row["sheet"] == "edits"]
     out = []
@@ -164,7 +164,7 @@ def _edits(model: str, tables: GalleryTables) -> list[dict[str, object]]:
         rows = [row for row in edited if row["about"] == name]
         off = [abs(_value(row[name]) - _value(row["asked"])) for row in rows]
         moved = [
-            np.std([_value(row[other]) for row in rows]) / _value(told[other]["deviation"])
+            float(np.std([_value(row[other]) for row in rows])) / _value(told[other]["deviation"])
             for other in told
             if other != name
         ]
@@ -239,7 +239,7 @@ def _number(text: str, digits: int) -> Cell:
     return number(f"{float(text):.{digits}f}" if text else "-")
 
 
-def _mean(values: Sequence[float] | np.ndarray, digits: int) -> Cell:
+def _mean(values: Iterable[float], digits: int) -> Cell:
     known = [value for value in values if np.isfinite(value)]
     return number(f"{np.mean(known):.{digits}f}" if known else "-")
 

@@ -1,0 +1,174 @@
+"""A person in motion, dressed and simulated, without a workflow."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.animation import make_body_sequence
+from drapeline.bodies.model import BodyModel, free_body, load_body
+from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.generation.moving_sheets import SimulatedSheet, move_outfit, simulate_sheets
+from drapeline.geometry.mesh import Mesh
+from drapeline.motions.motion import Motion
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.templates import build_templates
+from drapeline.seeding import rng_for
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
+from drapeline.simulation.simulate import DressedBody
+from drapeline.simulation.solver import ClothSolver
+
+SOLVERS = ("xpbd", "blender")  # rooms, each with a module `solver`
+
+
+@dataclass(frozen=True)
+class SimulatedOutfit:
+    """Somebody in motion, and the clothes; all vertices are relative to the root joint.
+
+    Attributes:
+        gender: "female" or "male".
+        shape: (10,) of the wearer.
+        poses: (F, 72) axis-angle, rad, at 30 frames per second.
+        trans: (F, 3) root joint in the world, metres, Z up; added to vertices, they are there.
+        garments: garment type -> its mesh at rest (`rest`), and one in each frame (`frames`),
+            metres, from the innermost to the outermost.
+        body: the wearer in each frame, metres.
+    """
+
+    gender: str
+    shape: np.ndarray
+    poses: np.ndarray
+    trans: np.ndarray
+    garments: dict[str, SimulatedSheet]
+    body: list[Mesh]
+
+
+def simulate(
+    outfit: str | Mapping[str, Mesh],
+    motion: Motion,
+    body: BodyModel | str | Path | None = None,
+    *,
+    gender: str = "female",
+    shape: Sequence[float] | np.ndarray | None = None,
+    solver: str | ClothSolver = "xpbd",
+    edge_length_m: float = 0.02,
+    seed: int = 0,
+    settings: Mapping[str, Any] | None = None,
+    bounds: Mapping[str, Any] | None = None,
+) -> SimulatedOutfit:
+    """Dress somebody, and move the clothes with the body by a cloth solver (CLOTH3D 3).
+
+    The body is put on the motion and freed of self-collisions first, as in samples of a dataset.
+
+    Args:
+        outfit: garment types joined by "+", such as "Tshirt+Trousers" or "Dress", of which a
+            random outfit is made; or garment type -> mesh at rest on this very body (pose of
+            `SmplicitModel.decode`), root-relative metres, Z up, from the innermost to the
+            outermost. Meshes are taken for cotton, and held at the waist of trousers and skirts.
+        motion: at 30 frames per second, as `import_motion` gives it.
+        body: a body in SMPL's format, or its file; the free one of the gender if None.
+        gender: "female" or "male".
+        shape: (10,) of the wearer; the mean body if None. One that overlaps itself in the motion
+            is made thinner, if the outfit is made for it.
+        solver: "xpbd", "blender", or anything that fulfils `ClothSolver`.
+        edge_length_m: mean edge of random outfits; meshes with shorter edges are made coarser.
+        seed: of a random outfit.
+        settings: those of `simulation.settings` in a config that are not the defaults.
+        bounds: likewise of `simulation.bounds`, which the simulation has to keep.
+
+    Returns:
+        The wearer and every garment, frame by frame.
+
+    Raises:
+        InputError: an argument is out of range, the body overlaps itself in this motion, or the
+            simulation is out of bounds; names what was found and expected.
+    """
+    model = _body(body, gender)
+    record = _put_on(model, motion, gender, shape)
+    cloth, chosen = _solver(solver), SimulationSettings(**(settings or {}))
+    limits = HealthBounds(**(bounds or {}))
+    if isinstance(outfit, str):
+        if outfit not in OUTFIT_TYPES:
+            raise InputError(f"outfit: '{outfit}', expected one of {', '.join(OUTFIT_TYPES)}")
+        made = sample_outfit(
+            rng_for(seed, "outfit"),
+            build_templates(model),
+            model,
+            gender=gender,
+            shape=record.shape,
+            outfit_type=outfit,
+            edge_length_m=edge_length_m,
+        )
+        garments = move_outfit(DressedBody(model, record, made), cloth, chosen, limits)
+    else:
+        garments = simulate_sheets(
+            _sheets(outfit, record),
+            model,
+            record,
+            cloth,
+            edge_length_m=edge_length_m,
+            simulation=chosen,
+            bounds=limits,
+        )
+    vertices = body_sequence_vertices(model, record)
+    return SimulatedOutfit(
+        gender=gender,
+        shape=record.shape,
+        poses=record.poses,
+        trans=record.trans,
+        garments=garments,
+        body=[Mesh(frame, model.faces) for frame in vertices],
+    )
+
+
+def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
+    if gender not in GENDERS:
+        raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
+    if isinstance(body, BodyModel):
+        return body
+    return load_body(free_body(gender) if body is None else body)
+
+
+def _put_on(
+    body: BodyModel, motion: Motion, gender: str, shape: Sequence[float] | np.ndarray | None
+) -> BodySequence:
+    wanted = np.zeros(10) if shape is None else np.asarray(shape, dtype=np.float64)
+    if wanted.shape != (10,) or not np.isfinite(wanted).all():
+        raise InputError(f"shape: {wanted!r:.100}, expected 10 finite numbers")
+    record = make_body_sequence(
+        body,
+        wanted,
+        motion.poses,
+        motion.trans,
+        gender=gender,
+        reference_leg_length_m=motion.reference_leg_length_m,
+    )
+    if record.outcome == "rejected":
+        raise InputError(f"{motion.sequence}: {record.reason}")
+    return record
+
+
+def _solver(solver: str | ClothSolver) -> ClothSolver:
+    if not isinstance(solver, str):
+        return solver
+    if solver not in SOLVERS:
+        raise InputError(f"solver: '{solver}', expected one of {', '.join(SOLVERS)}")
+    return import_module(f"drapeline.{solver}.solver").cloth_solver(1)
+
+
+def _sheets(meshes: Mapping[str, Mesh], record: BodySequence) -> dict[str, Mesh]:
+    unknown = [name for name in meshes if name not in GARMENTS]
+    if unknown:
+        raise InputError(f"outfit: '{unknown[0]}', expected one of {', '.join(GARMENTS)}")
+    if record.outcome == "thinned":
+        raise InputError(
+            "shape: the body overlaps itself in this motion and would be made thinner, but these"
+            " garments are made for it; expected another shape or motion"
+        )
+    return {name: Mesh(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
