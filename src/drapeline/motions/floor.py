@@ -71,7 +71,7 @@ SOLES_BY_SIDE = (SOLES[_ON_THE_LEFT], SOLES[~_ON_THE_LEFT])
 
 @dataclass(frozen=True)
 class FloorReport:
-    """How well a motion stands on the floor z = 0, on the reference skeleton.
+    """Contact of a motion with the floor z = 0, on the reference skeleton.
 
     Attributes:
         sliding_mm_per_frame: mean horizontal travel from one frame to the next of the points
