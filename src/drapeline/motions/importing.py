@@ -1,7 +1,9 @@
 """Import of motion files of all formats, AMASS's here, and the number of frames they will have."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from drapeline.motions.motion import (
     resampled_count,
 )
 from drapeline.motions.retarget import retarget
-from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M
+from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, Take
 from drapeline.storage import load_npz
 
 POSE_SIZES = {72: "SMPL", 156: "SMPL-H", 165: "SMPL-X"}
@@ -80,7 +82,20 @@ def frame_rate(path: str | Path, arrays: dict[str, np.ndarray]) -> float:
 
 
 _MIN_FPS, _MAX_FPS = 1.0, 10_000.0
-SUFFIXES = (".npz", ".bvh", ".amc")
+
+
+class _Format(NamedTuple):
+    """A format of motion files.
+
+    Attributes:
+        read: (path, skeleton file or None, frames per second where the file does not tell) -> a
+            motion in SMPL's pose space, on the floor; or a take, and its frames per second.
+        count: (path, frames per second) -> frames, frames per second, and whether it is cyclic,
+            without reading the whole file.
+    """
+
+    read: Callable[[Path, str | Path | None, float], Motion | tuple[Take, float]]
+    count: Callable[[Path, float], tuple[int, float, bool]]
 
 
 def import_motion(
@@ -112,17 +127,13 @@ def import_motion(
         InputError: one sentence naming the file, the value and what was expected.
     """
     path = _check_suffix(path)
-    if path.suffix.lower() == ".npz":
-        motion = _read_npz(path)
+    found = _FORMATS[path.suffix.lower()].read(path, asf, amc_fps)
+    if isinstance(found, Motion):
+        motion = found
     else:
-        take = (
-            read_bvh(path)
-            if path.suffix.lower() == ".bvh"
-            else read_asf_amc(asf or find_asf(path), path, fps=amc_fps)
-        )
+        take, fps = found
         chosen = built_in_map(take) if joint_map is None else load_joint_map(joint_map)
         poses, trans = retarget(take, chosen)
-        fps = amc_fps if path.suffix.lower() == ".amc" else _rate(take.times_s)
         _check_rate(path, fps)
         times = np.arange(resampled_count(len(poses), fps)) / FPS
         poses, trans = interpolate(poses, trans, take.times_s, times)
@@ -148,13 +159,7 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
         InputError: the file is missing, of an unknown format, or its header is unreadable.
     """
     path = _check_suffix(path)
-    suffix, cyclic = path.suffix.lower(), False
-    if suffix == ".npz":
-        count, fps, cyclic = _npz_frames(path)
-    elif suffix == ".bvh":
-        count, fps = bvh_frames(path)
-    else:
-        count, fps = amc_frames(path), amc_fps
+    count, fps, cyclic = _FORMATS[path.suffix.lower()].count(path, amc_fps)
     _check_rate(path, fps)
     count = resampled_count(count, fps)
     if frames is None:
@@ -164,9 +169,9 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
 
 def _check_suffix(path: str | Path) -> Path:
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in _FORMATS:
         raise InputError(
-            f"{path}: '{path.suffix}' is no known motion, expected {', '.join(SUFFIXES)}"
+            f"{path}: '{path.suffix}' is no known motion, expected {', '.join(_FORMATS)}"
         )
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a motion")
@@ -204,6 +209,22 @@ def _npz_frames(path: Path) -> tuple[int, float, bool]:
 def _rate(times_s: np.ndarray) -> float:
     """Frames per second of evenly spaced frames."""
     return 1.0 / float(times_s[1] - times_s[0]) if len(times_s) > 1 else float(FPS)
+
+
+def _read_bvh(path: Path) -> tuple[Take, float]:
+    take = read_bvh(path)
+    return take, _rate(take.times_s)
+
+
+def _read_amc(path: Path, asf: str | Path | None, fps: float) -> tuple[Take, float]:
+    return read_asf_amc(asf or find_asf(path), path, fps=fps), fps
+
+
+_FORMATS = {
+    ".npz": _Format(lambda path, *_: _read_npz(path), lambda path, _: _npz_frames(path)),
+    ".bvh": _Format(lambda path, *_: _read_bvh(path), lambda path, _: (*bvh_frames(path), False)),
+    ".amc": _Format(_read_amc, lambda path, fps: (amc_frames(path), fps, False)),
+}
 
 
 def _subject(path: Path) -> str:
