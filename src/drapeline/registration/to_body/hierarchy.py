@@ -171,7 +171,8 @@ def _add_levels(
     out.parents[name], out.edges[name], out.positions[name], out.vertices[name] = [], [], [], []
     for label, vertices in levels:
         between = np.sort(label[pairs], axis=1)
-        between = np.unique(between[between[:, 0] != between[:, 1]], axis=0)
+        apart = between[:, 0] != between[:, 1]
+        between = np.unique(between[apart], axis=0)
         out.edges[name].append(between.astype(np.int32))
         out.positions[name].append(places[vertices].astype(np.float32))
         out.vertices[name].append(vertices.astype(np.int32))

@@ -248,7 +248,8 @@ class PointsAtRest:
             ids, share = moved.near[:, column], moved.share[:, column, None]
             back = np.einsum("pab,pa->pb", moved.back[:, column], along)
             points = self._body.points_of_vertices(ids)
-            total -= share * self._body.slopes(points, back, moved.offsets[:, column])
+            slopes = self._body.slopes(points, back, moved.offsets[:, column])
+            total -= share * slopes
             total[:, SHAPE] += share * np.einsum("mpa,pa->pm", rest_by_shape[:, ids], along)
         return total
 
