@@ -2,36 +2,21 @@ rule plot_statistics:
     input:
         dataset=f"{RESULTS}/dataset",
     output:
-        garments=report(
-            f"{RESULTS}/report/garments.svg",
-            caption="../report/garments.rst",
-            category="Dataset",
-            labels={"shows": "garments by type and fabric"},
-        ),
-        actions=report(
-            f"{RESULTS}/report/actions.svg",
-            caption="../report/actions.rst",
-            category="Dataset",
-            labels={"shows": "frames per action"},
-        ),
-        splits=report(
-            f"{RESULTS}/report/splits.svg",
-            caption="../report/splits.rst",
-            category="Dataset",
-            labels={"shows": "splits and genders"},
-        ),
-        bodies=report(
-            f"{RESULTS}/report/bodies.svg",
-            caption="../report/bodies.rst",
-            category="Dataset",
-            labels={"shows": "body shapes and tightness"},
-        ),
-        vertices=report(
-            f"{RESULTS}/report/vertices.svg",
-            caption="../report/vertices.rst",
-            category="Dataset",
-            labels={"shows": "vertices per garment"},
-        ),
+        **{
+            name: report(
+                f"{RESULTS}/report/{name}.svg",
+                caption=f"../report/{name}.rst",
+                category="Dataset",
+                labels={"shows": shown},
+            )
+            for name, shown in {
+                "garments": "garments by type and fabric",
+                "actions": "frames per action",
+                "splits": "splits and genders",
+                "bodies": "body shapes and tightness",
+                "vertices": "vertices per garment",
+            }.items()
+        },
     log:
         f"{LOGS}/plot_statistics.log",
     benchmark:
@@ -78,65 +63,30 @@ rule plot_health:
     input:
         dataset=f"{RESULTS}/dataset",
     output:
+        **{
+            name: report(
+                f"{RESULTS}/report/{name}.svg",
+                caption=f"../report/{name}.rst",
+                category="Health",
+                labels={"shows": shown},
+            )
+            for name, shown in {
+                "penetration": "vertices inside the body",
+                "depth": "depth inside the body",
+                "stretch": "edge stretch",
+                "gap": "gap to the body",
+                "acceleration": "mean acceleration",
+                "self_crossing": "cloth through itself",
+                "layers": "layers that cross",
+                "slip": "slipping",
+                "speed": "simulation speed",
+            }.items()
+        },
         page=report(
             f"{RESULTS}/report/health.html",
             caption="../report/health.rst",
             category="Health",
             labels={"shows": "all samples: goals, measures, reasons"},
-        ),
-        penetration=report(
-            f"{RESULTS}/report/penetration.svg",
-            caption="../report/penetration.rst",
-            category="Health",
-            labels={"shows": "vertices inside the body"},
-        ),
-        depth=report(
-            f"{RESULTS}/report/depth.svg",
-            caption="../report/depth.rst",
-            category="Health",
-            labels={"shows": "depth inside the body"},
-        ),
-        stretch=report(
-            f"{RESULTS}/report/stretch.svg",
-            caption="../report/stretch.rst",
-            category="Health",
-            labels={"shows": "edge stretch"},
-        ),
-        gap=report(
-            f"{RESULTS}/report/gap.svg",
-            caption="../report/gap.rst",
-            category="Health",
-            labels={"shows": "gap to the body"},
-        ),
-        acceleration=report(
-            f"{RESULTS}/report/acceleration.svg",
-            caption="../report/acceleration.rst",
-            category="Health",
-            labels={"shows": "mean acceleration"},
-        ),
-        self_crossing=report(
-            f"{RESULTS}/report/self_crossing.svg",
-            caption="../report/self_crossing.rst",
-            category="Health",
-            labels={"shows": "cloth through itself"},
-        ),
-        layers=report(
-            f"{RESULTS}/report/layers.svg",
-            caption="../report/layers.rst",
-            category="Health",
-            labels={"shows": "layers that cross"},
-        ),
-        slip=report(
-            f"{RESULTS}/report/slip.svg",
-            caption="../report/slip.rst",
-            category="Health",
-            labels={"shows": "slipping"},
-        ),
-        speed=report(
-            f"{RESULTS}/report/speed.svg",
-            caption="../report/speed.rst",
-            category="Health",
-            labels={"shows": "simulation speed"},
         ),
     log:
         f"{LOGS}/plot_health.log",
