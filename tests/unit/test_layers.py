@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from toys.cloth_solvers import cloth_solvers
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from toys.imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +50,7 @@ MAY_IMPORT = {
     }.items()
 }
 # Each cloth solver has a room of its own, which simulation knows nothing of.
-SOLVER_ROOMS = {module.split(".")[1] for module, _ in cloth_solvers().values()}
+SOLVER_ROOMS = {solver.code.split(".")[1] for solver in CLOTH_SOLVERS.values()}
 for room in SOLVER_ROOMS - set(MAY_IMPORT):
     MAY_IMPORT[room] = {room, "simulation"} | MAY_IMPORT["simulation"]
 MODULES = sorted(SOURCE.rglob("*.py"))
@@ -87,7 +87,12 @@ def test_imports_go_one_way(part):
             assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 
-TABLES = {"outfits.fabrics", "outfits.garment_types", "smplicit.garments"}
+TABLES = {
+    "experiment.cloth_solvers",
+    "outfits.fabrics",
+    "outfits.garment_types",
+    "smplicit.garments",
+}
 
 
 @pytest.mark.parametrize(

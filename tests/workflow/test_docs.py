@@ -15,6 +15,8 @@ import yaml
 
 import drapeline
 from drapeline.experiment.config import fill_settings
+from drapeline.models.registry import models
+from toys.plans import files_of
 from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +28,13 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 SMK = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
-RULES = {name for p in SMK for name in re.findall(r"^rule (\w+):", p.read_text(), re.MULTILINE)}
+RULES = {
+    name
+    for path in SMK
+    for name in re.findall(r"^(?:use rule \w+ as|rule) (\w+)", path.read_text(), re.MULTILINE)
+}
+for plan in (model.plan(files_of()) for model in models().values()):
+    RULES |= {*plan.figures, *plan.targets}
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

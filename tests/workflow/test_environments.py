@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.experiment.source_digest import Sources
 from drapeline.models.registry import models
-from toys.cloth_solvers import cloth_solvers
 from toys.imported_modules import imported_modules
 from toys.plans import files_of, tasks_of
 
@@ -69,9 +69,9 @@ SIMULATIONS = ("simulate_outfits", "write_samples")
 
 def script_environments():
     """Script and environment of every rule, and a module that the script is told of."""
-    for module, path in cloth_solvers().values():
+    for solver in CLOTH_SOLVERS.values():
         for script in SIMULATIONS:
-            yield script, Path(path).stem, module
+            yield script, solver.environment, solver.code
     for file in sorted((ROOT / "workflow/rules").glob("*.smk")):
         for rule in re.split(r"^(?:checkpoint|rule) ", file.read_text(), flags=re.MULTILINE)[1:]:
             script = re.search(r'"../../scripts/(\w+)\.py"', rule)

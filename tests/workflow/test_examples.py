@@ -71,7 +71,7 @@ def test_examples_plan_the_dataset_and_nothing_else(jobs, name, clips, samples):
 
 def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     planned = jobs("scans")
-    assert planned["simulate_outfits"] == 16 + 11  # of the dataset, and shards of others
+    assert planned["simulate_outfits"] == 6 + 6  # samples by Blender, and shards of others
     assert planned["reconstruct_garment"] == 1
     assert planned["train"] == 2  # the canonical stage and the posed one
 

@@ -15,6 +15,7 @@ from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.dataset.record import read_meta
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.experiment.groups import AT_REST
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
@@ -28,7 +29,6 @@ from drapeline.seeding import rng_for
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import simulate_outfit
 from toys.cloth import Follower, dress
-from toys.cloth_solvers import cloth_solvers
 from toys.metric_rows import metric_table
 from toys.schema import SCHEMA
 from toys.snakemake_run import PARTS, ROOT, copy_project, snakemake
@@ -188,16 +188,13 @@ def replace(path, old, new):
 
 
 def add_toy_solver(project):
-    """A folder, a word among the settings and a line in the rule's table."""
+    """A folder, and a line in the table."""
     append(project / "src/drapeline/toy_cloth/__init__.py", "")
     append(project / "src/drapeline/toy_cloth/solver.py", TOY_SOLVER)
-    replace(project / "src/drapeline/experiment/settings.py", '"xpbd"]', '"xpbd", "toy"]')
-    write_schema(project)
-    line = (
-        '    "toy": Solver("drapeline.toy_cloth.solver", "../../envs/geometry.yaml", False, 50),\n'
-    )
+    line = '    "toy": SolverEntry("drapeline.toy_cloth.solver", "geometry", False, 50),\n'
     table = "CLOTH_SOLVERS = {\n"
-    replace(project / "workflow/rules/groups_common.smk", table, table + line)
+    replace(project / "src/drapeline/experiment/cloth_solvers.py", table, table + line)
+    write_schema(project)
 
 
 TOY_TYPE = """
@@ -262,7 +259,8 @@ def add_toy_garment_type(project):
     write_schema(project)
     colours = project / "src/drapeline/report/colours.py"
     replace(colours, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
-    replace(project / "config.yaml", "\n  types: [", "\n  types: [Overalls, ")
+    for config in ("config.yaml", "workflow/config/reference.yaml"):
+        replace(project / config, "\n  types: [", "\n  types: [Overalls, ")
     kinds = project / "src/drapeline/models/smplicit/garments.py"
     last = '        "dress with straps":'
     replace(kinds, last, '        "overalls": Kind("Overalls"),\n' + last)
@@ -407,7 +405,7 @@ def test_a_new_model_makes_no_other_rule_run_again(extended):
         assert before.digest(script) == after.digest(extended / "scripts" / script.name)
 
 
-def test_a_cloth_solvers_folder_and_two_lines_simulate_with_it(extended, toy_body):
+def test_a_cloth_solvers_folder_and_a_line_simulate_with_it(extended, toy_body):
     dressed = dress(toy_body)
     results = extended / "results/tiny"
     for gender in GENDERS:
@@ -431,7 +429,6 @@ def test_a_cloth_solvers_folder_and_two_lines_simulate_with_it(extended, toy_bod
 
 def test_a_cloth_solvers_room_has_its_layer(extended):
     tests = [
-        "tests/toys/cloth_solvers.py",
         "tests/toys/imported_modules.py",
         "tests/unit/test_layers.py",
     ]
@@ -460,14 +457,14 @@ def test_a_cloth_solver_counts_where_it_is_chosen(extended):
         assert f'code=solver_hash("{rule}")' in rules
 
 
-def test_the_schema_and_the_rule_name_the_same_cloth_solvers():
+def test_the_schema_names_the_cloth_solvers():
     solver = SCHEMA["properties"]["simulation"]["properties"]["solver"]
-    assert solver["enum"] == [*cloth_solvers()]
+    assert solver["enum"] == [*CLOTH_SOLVERS]
     group = SCHEMA["properties"]["groups"]["additionalProperties"]["properties"]["solver"]
-    assert group["enum"] == [*solver["enum"], AT_REST, None]
-    for name, (module, environment) in cloth_solvers().items():
-        assert import_module(module).cloth_solver(1).name == name
-        assert (ROOT / "workflow/rules" / environment).is_file()
+    assert group["enum"] == [*CLOTH_SOLVERS, AT_REST, None]
+    for name, entry in CLOTH_SOLVERS.items():
+        assert import_module(entry.code).cloth_solver(1).name == name
+        assert (ROOT / f"envs/{entry.environment}.yaml").is_file()
 
 
 def project_files():
@@ -478,14 +475,14 @@ def project_files():
                 yield path
 
 
-def test_nothing_but_settings_and_rule_name_a_cloth_solver():
+def test_nothing_but_the_table_and_settings_name_a_cloth_solver():
     """Blender renders and exports as well: these scripts and environments do not count.
 
     Nor do configs, which choose one, and the profile that says which simulations ask for a GPU.
     """
     other = re.compile(r"envs/blender\.yaml|drapeline\.blender\.(render|export)\b")
-    names = re.compile(rf"\b({'|'.join(cloth_solvers())})\b")
-    rooms = [ROOT.joinpath("src", *code.split(".")[:2]) for code, _ in cloth_solvers().values()]
+    names = re.compile(rf"\b({'|'.join(CLOTH_SOLVERS)})\b")
+    rooms = [ROOT.joinpath("src", *one.code.split(".")[:2]) for one in CLOTH_SOLVERS.values()]
     chosen = [ROOT / "workflow/config", ROOT / "workflow/profiles"]
     naming = {
         str(path.relative_to(ROOT))
@@ -494,9 +491,9 @@ def test_nothing_but_settings_and_rule_name_a_cloth_solver():
         and names.search(other.sub("", path.read_text()))
     }
     assert naming == {
+        "src/drapeline/experiment/cloth_solvers.py",
         "src/drapeline/experiment/settings.py",
         "workflow/schemas/config.schema.yaml",
-        "workflow/rules/groups_common.smk",
     }
 
 

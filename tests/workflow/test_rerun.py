@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.experiment.source_digest import Sources
 from drapeline.models.registry import models
-from toys.cloth_solvers import cloth_solvers
 from toys.plans import files_of, tasks_of
 from toys.snakemake_run import ROOT, copy_project, snakemake
 
@@ -26,7 +26,7 @@ PROFILES = [
     *sorted((ROOT / "workflow/profiles").glob("*/config.yaml")),
 ]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
-SOLVER = cloth_solvers()["xpbd"][0]
+SOLVER = CLOTH_SOLVERS["xpbd"].code
 # Scripts that are told of the solver that the config names.
 SIMULATE = {"simulate_outfits", "write_samples"}
 HANG = {"fit_own_scans", "fit_picture"}
@@ -117,14 +117,14 @@ def test_a_change_reaches_exactly_what_runs_it(copy, where):
 def finished(tmp_path_factory):
     """A copy of the project in which Snakemake takes every job for done."""
     project = copy_project(tmp_path_factory.mktemp("finished"))
-    plan = snakemake(project, "all", "--dry-run", "--forceall", "--configfile", CONFIG)
+    plan = snakemake(project, "all", "--summary", "--configfile", CONFIG)
     assert plan.returncode == 0, plan.stderr[-2000:]
-    for line in re.findall(r"^    output: (.*)$", plan.stdout + plan.stderr, re.MULTILINE):
-        for output in map(project.joinpath, line.split(", ")):
-            folder = output if not output.suffix else output.parent
-            folder.mkdir(parents=True, exist_ok=True)
-            if output.suffix:
-                output.touch()
+    for line in plan.stdout.partition("output_file\t")[2].splitlines()[1:]:
+        output = project / line.split("\t")[0]
+        folder = output if not output.suffix else output.parent
+        folder.mkdir(parents=True, exist_ok=True)
+        if output.suffix:
+            output.touch()
     done = snakemake(project, "all", "--touch", "--forceall", "--configfile", CONFIG)
     assert done.returncode == 0, done.stderr[-2000:]
     return project
@@ -140,7 +140,8 @@ def planned_jobs(project: Path, *configs: str) -> dict[str, str]:
     for job in re.split(r"^(?=(?:local)?rule \w+:$)", run.stdout + run.stderr, flags=re.M)[1:]:
         name = log.search(job)
         reason = re.search(r"^    reason: (.*)$", job, re.M)
-        found[(name[1] or name[2]).replace("/", "_")] = reason[1]
+        task = (name[1] or name[2]).replace("/", "_")
+        found[task] = "; ".join(filter(None, [found.get(task), reason[1]]))
     return found
 
 

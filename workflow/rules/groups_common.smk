@@ -1,35 +1,11 @@
 # The groups of samples, and what all rules ask of them.
 import re
 from dataclasses import asdict
-from typing import NamedTuple
 
 from drapeline.dataset.record import outfit_text, read_meta
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.experiment.files import ExperimentFiles
 from drapeline.outfits.settings import own_garments
-
-
-class Solver(NamedTuple):
-    """A cloth solver.
-
-    Attributes:
-        code: the module that has `cloth_solver(threads, accelerator)`.
-        environment: that it runs in.
-        uses_gpu: whether it can.
-        sample_s: seconds that a sample of 60 frames takes in two tries.
-    """
-
-    code: str
-    environment: str
-    uses_gpu: bool
-    sample_s: float
-
-
-CLOTH_SOLVERS = {
-    "blender": Solver("drapeline.blender.solver", "../../envs/blender.yaml", False, 80),
-    "xpbd": Solver("drapeline.xpbd.solver", "../../envs/geometry.yaml", True, 10),
-}
-# Where cloth only hangs on somebody who stands still, nobody chooses.
-QUICK_SOLVER = min(CLOTH_SOLVERS.values(), key=lambda solver: solver.sample_s)
 
 FILES = ExperimentFiles(config, GROUPS, WHOLE_BODIES, QUICK_SOLVER.code)
 MOVING, RESTING, PUBLISHED = FILES.moving, FILES.resting, FILES.published
@@ -120,7 +96,7 @@ def solver_module(wildcards):
 
 def solver_environment(wildcards):
     """The environment of a group's solver."""
-    return solver_of(wildcards).environment
+    return f"../../envs/{solver_of(wildcards).environment}.yaml"
 
 
 def solver_hash(script):

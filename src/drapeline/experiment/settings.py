@@ -10,6 +10,7 @@ from pydantic import create_model
 
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.settings import ScanSettings
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.frames import GENDERS
 from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.outfits.garment_types import EVEN_OUTFIT_TYPES, GARMENTS, OUTFIT_TYPES
@@ -17,10 +18,9 @@ from drapeline.outfits.settings import OwnGarmentFiles
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 
-# Names of cloth solvers.
-Solver = Literal["blender", "xpbd"]
-# Of a group; without one, garments stay at rest.
-GroupSolver = Literal[Solver, "none"]
+_Solver = Annotated[str, OneOf(tuple(CLOTH_SOLVERS))]
+# Without one, garments stay at rest.
+_GroupSolver = Annotated[str, OneOf((*CLOTH_SOLVERS, "none"))]
 _Path = Annotated[str, Field(min_length=1)]
 _Outfit = Annotated[str, OneOf(OUTFIT_TYPES)]
 _Sequence = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
@@ -130,7 +130,7 @@ class Outfits(OutfitSettings):
 class Simulation(Settings):
     """Cloth that moves."""
 
-    solver: Solver = Field(
+    solver: _Solver = Field(
         "blender",
         description=(
             "The cloth solver that moves the garments. `blender` is the reference; `xpbd`, ours, "
@@ -202,7 +202,7 @@ class Group(Settings):
     shard_size: int = Field(
         20, ge=1, le=1000, description="Samples per job of each step. The samples are the same."
     )
-    solver: GroupSolver | None = Field(
+    solver: _GroupSolver | None = Field(
         None,
         description=(
             "The cloth solver that moves the garments; null takes simulation.solver. With none, "

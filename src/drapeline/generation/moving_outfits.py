@@ -12,6 +12,7 @@ from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
 from drapeline.errors import InputError
+from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import SimulatedSheet, move_outfit, simulate_sheets
 from drapeline.geometry.mesh import Mesh
@@ -23,8 +24,6 @@ from drapeline.seeding import rng_for
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody
 from drapeline.simulation.solver import ClothSolver
-
-SOLVERS = ("xpbd", "blender")  # rooms, each with a module `solver`
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def simulate(
     *,
     gender: str = "female",
     shape: Sequence[float] | np.ndarray | None = None,
-    solver: str | ClothSolver = "xpbd",
+    solver: str | ClothSolver | None = None,
     edge_length_m: float = 0.02,
     seed: int = 0,
     settings: Mapping[str, Any] | None = None,
@@ -76,7 +75,8 @@ def simulate(
         gender: "female" or "male".
         shape: (10,) of the wearer; the mean body if None. One that overlaps itself in the motion
             is made thinner, if the outfit is made for it.
-        solver: "xpbd", "blender", or anything that fulfils `ClothSolver`.
+        solver: name of one in a config (`simulation.solver`), or anything that fulfils
+            `ClothSolver`; None takes the fastest.
         edge_length_m: mean edge of random outfits; meshes with shorter edges are made coarser.
         seed: of a random outfit.
         settings: those of `simulation.settings` in a config that are not the defaults.
@@ -155,11 +155,15 @@ def _put_on(
 
 
 def _solver(solver: str | ClothSolver) -> ClothSolver:
-    if not isinstance(solver, str):
+    if solver is None:
+        code = QUICK_SOLVER.code
+    elif not isinstance(solver, str):
         return solver
-    if solver not in SOLVERS:
-        raise InputError(f"solver: '{solver}', expected one of {', '.join(SOLVERS)}")
-    return import_module(f"drapeline.{solver}.solver").cloth_solver(1)
+    elif solver in CLOTH_SOLVERS:
+        code = CLOTH_SOLVERS[solver].code
+    else:
+        raise InputError(f"solver: '{solver}', expected one of {', '.join(CLOTH_SOLVERS)}")
+    return import_module(code).cloth_solver(1)
 
 
 def _sheets(meshes: Mapping[str, Mesh], record: BodySequence) -> dict[str, Mesh]:
