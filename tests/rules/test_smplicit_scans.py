@@ -60,7 +60,7 @@ def test_scans_of_a_sample_have_a_fitted_body(scanned):
 def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path, frames):
     sample, scans = scanned
     run_rule(
-        "drapeline.models.smplicit.scans.garments:fit_to_scans",
+        "drapeline.models.smplicit.scans.evaluate:fit_to_scans",
         input={"scans": [scans], "samples": [sample.parent], "models": [skirt]},
         output=[tmp_path / "scans"],
         params={

@@ -130,7 +130,7 @@ def test_the_tour_runs_on_these_results(results):
     assert len(pictures) == 4
     for picture in pictures:
         assert np.asarray(picture).std() > 5
-    assert made["moving"].vertices.shape == made["clouds"].garment[made["rows"]].shape
+    assert made["moving"].vertices.shape == made["true"][made["rows"]].shape
     assert len(made["codes"].mean) == 1
 
 

@@ -90,12 +90,12 @@ class _Format(NamedTuple):
     Attributes:
         read: (path, skeleton file or None, frames per second where the file does not tell) -> a
             motion in SMPL's pose space, on the floor; or a take, and its frames per second.
-        count: (path, frames per second) -> frames, frames per second, and whether it is cyclic,
+        measure: (path, frames per second) -> frames, frames per second, and whether it is cyclic,
             without reading the whole file.
     """
 
     read: Callable[[Path, str | Path | None, float], Motion | tuple[Take, float]]
-    count: Callable[[Path, float], tuple[int, float, bool]]
+    measure: Callable[[Path, float], tuple[int, float, bool]]
 
 
 def import_motion(
@@ -159,7 +159,7 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
         InputError: the file is missing, of an unknown format, or its header is unreadable.
     """
     path = _check_suffix(path)
-    count, fps, cyclic = _FORMATS[path.suffix.lower()].count(path, amc_fps)
+    count, fps, cyclic = _FORMATS[path.suffix.lower()].measure(path, amc_fps)
     _check_rate(path, fps)
     count = resampled_count(count, fps)
     if frames is None:

@@ -1,9 +1,12 @@
 """Frames of registered samples, collected into arrays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body, signed_tightness
+from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
@@ -122,3 +125,10 @@ def test_without_accepted_samples_there_is_one_sentence(stages, samples, toy_bod
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
         collect(stages / "none", samples[1:2], toy_body, "posed")
     assert not (stages / "none").exists()
+
+
+def test_a_sample_without_tightness_is_refused(tmp_path, samples, toy_body, monkeypatch):
+    folder = samples[0].tiny.folder
+    monkeypatch.setattr(Sample, "info", replace(Sample(folder).info, tightness=None))
+    with pytest.raises(InputError, match=rf"{folder}: info.mat has no tightness, expected two"):
+        collect(tmp_path / "dynamic", samples[:1], toy_body, "posed")

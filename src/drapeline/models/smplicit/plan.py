@@ -213,7 +213,7 @@ class _Tasks:
 
     def _fit_scans(self) -> Task:
         return Task(
-            f"{_HERE}.scans.garments:fit_to_scans",
+            f"{_HERE}.scans.evaluate:fit_to_scans",
             {**self.files.known_scans, "models": self.own.models},
             {
                 **self.own.draping("fit_scans"),

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.bodies.moved_body import BodyState
@@ -14,15 +13,10 @@ from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import fit_scan_body
 from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import SegmentedScan, segment_scans
-from drapeline.dataset.shards import samples_of
-from drapeline.generation.moving_sheets import job_draper
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
-from drapeline.job import Job
 from drapeline.metrics.garment import distances_mm
-from drapeline.metrics.predictions import BODY, FITTED, Fits, save_fitted_scans
-from drapeline.metrics.table import join, write_evaluation
-from drapeline.models.compare import body_rows, compare_scan_fits, known_scans, skin_of, truth_shown
+from drapeline.metrics.predictions import BODY, Fits
 from drapeline.models.smplicit.dressing import (
     BodyShape,
     Draper,
@@ -41,13 +35,6 @@ from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, save_npz, write_rows
 
 _UP = np.array([0.0, 0.0, 1.0])  # of a scan's world
-START, NEAREST, CODE, JOINT, MOVED = (
-    f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")
-)
-NEAREST_HUNG, HUNG, HUNG_MOVED = (
-    f"smplicit_scan_{name}" for name in ("nearest_hung", "hung", "hung_moved")
-)
-ON_JOINT_BODY = frozenset([JOINT, MOVED, HUNG, HUNG_MOVED])
 
 
 class DressedScan(NamedTuple):
@@ -294,104 +281,3 @@ def fit_points(
     (scan,) = segment_scans(scans, [name], name="points")
     models = {model.name: model}
     return find_garments(scan, models, BodyFit(), FitScan(), Meshing(), seed, draper)
-
-
-class SmplicitScanFitter:
-    """Fulfils `ScanFitter`.
-
-    The start is the mean code of the garment's type on the body as it was estimated. On the fitted
-    body there are the training code that fits best, and the fitted code. Body and codes are then
-    fitted jointly, and sheets are moved to the points. If there is a draper, the garments hang,
-    their codes are fitted to that, see `drape_scan`, and sheets are moved from there; those of the
-    training code that fits best hang as well.
-
-    Args:
-        models: by their names of `FIELD_MODELS`.
-        draper: drapes sheets on bodies; None for skinning alone.
-
-    Attributes:
-        bodies: scan's name -> the body as fitted jointly.
-    """
-
-    def __init__(
-        self,
-        models: Mapping[str, SmplicitModel],
-        body_fit: BodyFit,
-        settings: FitScan,
-        meshing: Meshing,
-        seed: int,
-        draper: Draper | None = None,
-    ) -> None:
-        self._models, self._body_fit, self._settings = models, body_fit, settings
-        self._meshing, self._seed, self._draper = meshing, seed, draper
-        self.bodies: dict[str, BodyState] = {}
-
-    def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
-        """The garments of the start and of each fit."""
-        self.bodies[scan.name] = body
-        names = [name for name in scan.garments if MODEL_OF_GARMENT[name] in self._models]
-        if not names:
-            return {}
-        found = fit_scan(scan, self._models, body, self._body_fit, self._settings, self._seed)
-        self.bodies[scan.name] = found.joint.body
-        mean = {
-            name: self._models[MODEL_OF_GARMENT[name]].codes_of(name).mean(axis=0) for name in names
-        }
-        ways = {
-            START: (mean, scan.estimate),
-            NEAREST: (found.nearest.codes, body),
-            CODE: (found.code.codes, body),
-            JOINT: (found.joint.codes, found.joint.body),
-        }
-        dressed = {
-            variant: decode_in_scan(scan, self._models, *way, self._meshing)
-            for variant, way in ways.items()
-        }
-        wearer, garments = dressed[JOINT]
-        outfits = {variant: found_garments for variant, (_, found_garments) in dressed.items()}
-        moved = {MOVED: move_garments(scan, garments, wearer)}
-        if self._draper:
-            nearest = outfits[NEAREST]
-            draped = drape_garments(scan, self._models, nearest, body, self._draper)
-            outfits[NEAREST_HUNG] = use_draped(nearest, draped)
-            how = self._settings, self._meshing, self._seed, self._draper
-            outfits[HUNG] = drape_scan(scan, self._models, found, garments, *how)
-            moved[HUNG_MOVED] = move_garments(scan, outfits[HUNG], wearer)
-        worn = {
-            variant: {name: garment.posed for name, garment in outfit.items()}
-            for variant, outfit in outfits.items()
-        }
-        return worn | moved
-
-
-def fit_to_scans(job: Job) -> None:
-    """SMPLicit's garments in scans of held-out samples, and the bodies in them."""
-    given, params = job.input, job.params
-    torch.set_num_threads(job.threads)
-    models = {model.name: model for model in map(SmplicitModel, given.models)}
-    bodies = next(iter(models.values())).bodies
-    scans = known_scans(given.scans, samples_of(given.samples), bodies)
-    settings = FitScan(**params.fit)
-    fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
-    fitter = SmplicitScanFitter(models, *fits, job_draper(job, settings.hang_frames))
-    about = {"split": params.split, "seed": params.seed}
-    rows, found = compare_scan_fits(scans, fitter, **about)
-    states = {
-        "scan_body_estimated": [known.scan.estimate for known in scans],
-        "scan_body_fitted": [known.body for known in scans],
-        "scan_body_joint": [fitter.bodies[known.scan.name] for known in scans],
-    }
-    shown = {}
-    for known in scans:
-        scan = known.scan
-        own = {BODY: skin_of(fitter.bodies[scan.name], bodies[scan.gender])}
-        fitted = {
-            variant: {**garments, **own} if variant in ON_JOINT_BODY else garments
-            for variant, garments in found[scan.name].items()
-        }
-        shown[scan.name] = {**fitted, **truth_shown(known, bodies)}
-    write_evaluation(
-        job.output[0],
-        join([rows, body_rows(scans, states, bodies, **about)]),
-        lambda made: save_fitted_scans(made / FITTED, shown),
-    )
