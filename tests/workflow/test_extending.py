@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from importlib import import_module
 
 import pytest
@@ -47,7 +48,7 @@ class ToySettings(Settings):
     "plan.py": """
 from stranger.settings import ToySettings
 
-from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
 
 
 def plan(files):
@@ -61,16 +62,16 @@ def plan(files):
         data={},
         trainings={"model": train},
         evaluations={
-            "evaluated/toy": Evaluation(evaluate, ["metrics"]),
-            "evaluated/representations": Evaluation(compare, ["representations"]),
+            "evaluated/toy": EvaluationTask(evaluate, ["metrics"]),
+            "evaluated/representations": EvaluationTask(compare, ["representations"]),
         },
         samples={},
-        figures={"show_toy": Figure(show, {"page": Shown("toy.html", "errors", CAPTION)})},
+        figures={"show_toy": Figure(show, {"page": ReportFile("toy.html", "errors", CAPTION)})},
         targets={"toy_model": [f"{folder}/model"]},
     )
 
 
-CAPTION = __file__.replace("plan.py", "toy.rst")
+CAPTION = __file__.replace("plan.py", "toy")
 MODEL = Model("toy", "Toy", ToySettings, plan, loaders={"toy": "stranger.train:Toy"})
 """,
     "toy.rst": "A toy.\n",
@@ -206,6 +207,7 @@ GARMENTS = tuple(GARMENT_TYPES)
 TOY_TYPE_USE = """
 import json
 import sys
+import zipfile
 
 import numpy as np
 import yaml
@@ -376,6 +378,12 @@ def test_a_model_of_another_package_is_trained_evaluated_and_shown(extended, inp
     assert {key[:2] for key in found} == {("toy", "toy"), ("representation", "toy_flat")}
     assert "toy_flat" in (results / "report/representations.html").read_text()
     assert "12.5" in (results / "report/toy.html").read_text()
+    told = ("--configfile", CONFIG, "mine.yaml", "--report", "toy.zip", "--")
+    run = snakemake(extended, *told, "results/tiny/report/toy.html")
+    assert run.returncode == 0, run.stderr[-2000:]
+    with zipfile.ZipFile(extended / "toy.zip") as made:
+        (page,) = (name for name in made.namelist() if name.endswith("report.html"))
+        assert "A toy." in made.read(page).decode()
 
 
 def test_a_setting_of_another_packages_model_is_checked(extended):

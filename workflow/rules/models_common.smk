@@ -155,7 +155,7 @@ def figure_output(model, figure):
             if isinstance(shown, str)
             else report(
                 f"{RESULTS}/report/{shown.file}",
-                caption=f"../report/{shown.caption}.rst",
+                caption=os.path.join("../report", f"{shown.caption}.rst"),
                 category=MODELS[model].title,
                 labels={"shows": shown.title},
             )

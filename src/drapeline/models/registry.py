@@ -49,7 +49,7 @@ class Task(NamedTuple):
     gpus: int = 0
 
 
-class Evaluation(NamedTuple):
+class EvaluationTask(NamedTuple):
     """A task that leaves a folder with `metrics.tsv`, and whatever its figures are drawn from.
 
     Attributes:
@@ -62,13 +62,13 @@ class Evaluation(NamedTuple):
     tables: Sequence[str]
 
 
-class Shown(NamedTuple):
+class ReportFile(NamedTuple):
     """A page or picture of the report.
 
     Attributes:
         file: its name in the folder `report` of the results.
         title: says what it shows.
-        caption: reStructuredText file.
+        caption: reStructuredText file without its suffix, in `workflow/report/` or by its whole path.
     """
 
     file: str
@@ -86,7 +86,7 @@ class Figure(NamedTuple):
     """
 
     task: Task
-    output: Mapping[str, Shown | str]
+    output: Mapping[str, ReportFile | str]
     default: bool = True
 
 
@@ -107,7 +107,7 @@ class ModelPlan(NamedTuple):
 
     data: Mapping[str, Task]
     trainings: Mapping[str, Task]
-    evaluations: Mapping[str, Evaluation]
+    evaluations: Mapping[str, EvaluationTask]
     samples: Mapping[str, Task]
     figures: Mapping[str, Figure]
     targets: Mapping[str, Sequence[str]]

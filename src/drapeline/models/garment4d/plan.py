@@ -7,7 +7,7 @@ from typing import Any
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.models.garment4d.settings import Garment4dSettings, posed_variants
-from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
 from drapeline.models.training.settings import override_settings
 
 _HERE = "drapeline.models.garment4d"
@@ -58,7 +58,7 @@ class Garment4dFiles:
         return [*skinned, *self._files.shards_of(self.fits, self.wearers)]
 
 
-class _Tasks:
+class _Garment4dTasks:
     """Tasks by kind, for the experiment with these files."""
 
     def __init__(self, files: ExperimentFiles) -> None:
@@ -181,21 +181,21 @@ class _Tasks:
             settings["network"] = {**own["network"], "points": points}
         return settings
 
-    def evaluations(self) -> dict[str, Evaluation]:
+    def evaluations(self) -> dict[str, EvaluationTask]:
         """Of each type's networks, with and without variants, and the comparisons."""
         found = {}
         for garment in self.garments:
             # Figures 8 to 10 and noisy bodies are part of the ablations alone.
             few: dict[str, Any] = {key: [] for key in ("neighbours", "missing", "accuracy")}
             few |= {"noise_pose_rad": 0.0, "noise_shape": 0.0}
-            found[garment] = Evaluation(self._evaluate(garment, ["posed"], few), ("metrics",))
+            found[garment] = EvaluationTask(self._evaluate(garment, ["posed"], few), ("metrics",))
             released = {"vertex_sampled": f"{self.folder}/{garment}/data_vertices"}
-            found[f"{garment}_ablations"] = Evaluation(
+            found[f"{garment}_ablations"] = EvaluationTask(
                 self._evaluate(garment, list(self.variants), {}, **released), (_ABLATIONS,)
             )
-        found["representations"] = Evaluation(self._compare(), ("representations",))
+        found["representations"] = EvaluationTask(self._compare(), ("representations",))
         if self.files.scanned:
-            found["scans"] = Evaluation(self._fit_scans(), ("scans",))
+            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
         return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
 
     def _evaluate(
@@ -327,7 +327,7 @@ class _Tasks:
             f"{_PAGES}.tables:tabulate",
             {"metrics": self.files.metrics(table), "fits": self.own.learnt_fits},
             {"departures": self._departures()},
-            page=Shown(f"{name}.html", f"tables 2 to 4 ({table})", "garment4d_tables"),
+            page=ReportFile(f"{name}.html", f"tables 2 to 4 ({table})", "garment4d_tables"),
         )
         return made._replace(output={**made.output, "table": f"{name}_beside_paper.tsv"})
 
@@ -364,8 +364,8 @@ _CURVES = {
 }
 
 
-def _shown(caption: str, name: str, title: str) -> Shown:
-    return Shown(f"garment4d_{name}", title, caption)
+def _shown(caption: str, name: str, title: str) -> ReportFile:
+    return ReportFile(f"garment4d_{name}", title, caption)
 
 
 def _figure(
@@ -373,14 +373,14 @@ def _figure(
     given: Mapping[str, Any],
     told: Mapping[str, Any],
     environment: str = "report",
-    **output: Shown,
+    **output: ReportFile,
 ) -> Figure:
     task = Task(run, given, told, seconds=600, megabytes=1000, environment=environment)
     return Figure(task, output)
 
 
 def _plan(files: ExperimentFiles) -> ModelPlan:
-    tasks = _Tasks(files)
+    tasks = _Garment4dTasks(files)
     return ModelPlan(
         data=tasks.data(),
         trainings=tasks.trainings(),

@@ -13,7 +13,7 @@ from drapeline.models.gcvae.settings import (
     dynamic_conditions,
     pooling_of,
 )
-from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
 from drapeline.models.training.settings import override_settings
 
 _HERE = "drapeline.models.gcvae"
@@ -22,7 +22,7 @@ _ABLATIONS = "metrics_gcvae_ablations"
 _DEFAULT = {"svae", STATIC_PPCA, "dvae_unposed_4", DYNAMIC_PPCA}
 
 
-class _Tasks:
+class _GcvaeTasks:
     """Tasks by kind, for the experiment with these files."""
 
     def __init__(self, files: ExperimentFiles) -> None:
@@ -169,22 +169,24 @@ class _Tasks:
             parallel=True,
         )
 
-    def evaluations(self) -> dict[str, Evaluation]:
+    def evaluations(self) -> dict[str, EvaluationTask]:
         """Of trivial predictions and trained models, and the comparisons with other models."""
         always = ("metrics", _ABLATIONS)
         found = {
-            "baselines": Evaluation(self._baselines(), always),
-            "dynamic_baselines": Evaluation(self._dynamic_baselines(), always),
+            "baselines": EvaluationTask(self._baselines(), always),
+            "dynamic_baselines": EvaluationTask(self._dynamic_baselines(), always),
         }
         for names, task in (
             ((*SVAE_VARIANTS, STATIC_PPCA), self._evaluate_static),
             ((*DVAE_VARIANTS, DYNAMIC_PPCA), self._evaluate_dynamic),
         ):
             for name in names:
-                found[name] = Evaluation(task(name), always if name in _DEFAULT else (_ABLATIONS,))
-        found["representations"] = Evaluation(self._compare(), ("representations",))
+                found[name] = EvaluationTask(
+                    task(name), always if name in _DEFAULT else (_ABLATIONS,)
+                )
+        found["representations"] = EvaluationTask(self._compare(), ("representations",))
         if self.files.scanned:
-            found["scans"] = Evaluation(self._fit_scans(), ("scans",))
+            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
         return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
 
     def _baselines(self) -> Task:
@@ -327,14 +329,14 @@ class _Tasks:
                 "plot_sampled",
                 {**bodies, "samples": f"{self.folder}/sampled"},
                 {"shown": 24},
-                picture=Shown("gcvae_samples.png", "sampled garments", "gcvae_samples"),
+                picture=ReportFile("gcvae_samples.png", "sampled garments", "gcvae_samples"),
             ),
             **{
                 f"plot_gcvae_codes_{name}": self._plot(
                     "plot_evaluated_codes",
                     {"evaluated": f"{evaluated}/{name}"},
                     {},
-                    picture=Shown(
+                    picture=ReportFile(
                         f"gcvae_codes_{name}.png",
                         f"figure 8: codes of static garments ({name})",
                         "gcvae_codes",
@@ -346,8 +348,8 @@ class _Tasks:
                 "plot_walks",
                 {**bodies, "model": model, "evaluated": codes, "data": self.files.static},
                 {"steps": 7, "frames": 24},
-                sheet=Shown("gcvae_walks.png", "figure 9: transitions", "gcvae_walks"),
-                moving=Shown(
+                sheet=ReportFile("gcvae_walks.png", "figure 9: transitions", "gcvae_walks"),
+                moving=ReportFile(
                     "gcvae_walk_moving.png", "figure 9: a transition in motion", "gcvae_walks"
                 ),
             ),
@@ -362,7 +364,7 @@ class _Tasks:
                 },
                 {"frames": frames},
                 checks=[self.files.resting_in(*EVALUATED_SPLITS)],
-                picture=Shown(
+                picture=ReportFile(
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
@@ -370,7 +372,7 @@ class _Tasks:
                 "plot_wrinkles",
                 moving,
                 {"frames": frames, "columns": 6, "seed": self.seed},
-                picture=Shown(
+                picture=ReportFile(
                     "gcvae_wrinkles.png", "figure 10: wrinkle codes elsewhere", "gcvae_wrinkles"
                 ),
             ),
@@ -387,7 +389,7 @@ class _Tasks:
                 environment="report",
             ),
             {
-                "page": Shown(f"{name}.html", f"tables 3 and 4 ({table})", "gcvae_tables"),
+                "page": ReportFile(f"{name}.html", f"tables 3 and 4 ({table})", "gcvae_tables"),
                 "table": f"{name}_beside_paper.tsv",
             },
         )
@@ -398,7 +400,7 @@ class _Tasks:
         given: Mapping[str, Any],
         told: Mapping[str, Any],
         checks: list[Any] | None = None,
-        **output: Shown,
+        **output: ReportFile,
     ) -> Figure:
         return Figure(
             Task(
@@ -422,7 +424,7 @@ class _Tasks:
 
 
 def _plan(files: ExperimentFiles) -> ModelPlan:
-    tasks = _Tasks(files)
+    tasks = _GcvaeTasks(files)
     return ModelPlan(
         data={},
         trainings=tasks.trainings(),

@@ -6,7 +6,7 @@ from typing import Any
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.models.registry import Evaluation, Figure, Model, ModelPlan, Shown, Task
+from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.models.smplicit.settings import SmplicitSettings
 
@@ -54,7 +54,7 @@ class SmplicitFiles:
         return any(MODEL_OF_GARMENT[garment] in self.names for garment in garments)
 
 
-class _Tasks:
+class _SmplicitTasks:
     """Tasks by kind, for the experiment with these files."""
 
     def __init__(self, files: ExperimentFiles) -> None:
@@ -117,15 +117,19 @@ class _Tasks:
             )
         return found
 
-    def evaluations(self) -> dict[str, Evaluation]:
+    def evaluations(self) -> dict[str, EvaluationTask]:
         """Of each model, in pictures of people, and the comparisons with other models."""
         found = {
-            name: Evaluation(self._evaluate(name), ("metrics",) if name in self.own.names else ())
+            name: EvaluationTask(
+                self._evaluate(name), ("metrics",) if name in self.own.names else ()
+            )
             for name in FIELD_MODELS
         }
         published, others = self._pictured()
         if published or others:
-            found["images"] = Evaluation(self._find_in_pictures(published, others), ("metrics",))
+            found["images"] = EvaluationTask(
+                self._find_in_pictures(published, others), ("metrics",)
+            )
         # Types on which all models are compared, as far as a model here has learned them.
         compared = [
             garment
@@ -133,9 +137,9 @@ class _Tasks:
             if MODEL_OF_GARMENT[garment] in self.own.names
         ]
         if compared:
-            found["representations"] = Evaluation(self._compare(compared), ("representations",))
+            found["representations"] = EvaluationTask(self._compare(compared), ("representations",))
         if self.files.scanned:
-            found["scans"] = Evaluation(self._fit_scans(), ("scans",))
+            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
         return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
 
     def _evaluate(self, name: str) -> Task:
@@ -347,7 +351,7 @@ class _Tasks:
         given: Mapping[str, Any],
         told: Mapping[str, Any],
         environment: str = "train",
-        **output: Shown,
+        **output: ReportFile,
     ) -> Figure:
         told = {**told, **self.rays}
         task = Task(run, given, told, seconds=600, megabytes=2000, environment=environment)
@@ -367,12 +371,12 @@ class _Tasks:
         }
 
 
-def _shown(name: str, title: str, caption: str | None = None) -> Shown:
-    return Shown(f"smplicit_{name}", title, f"smplicit_{caption or name.partition('.')[0]}")
+def _shown(name: str, title: str, caption: str | None = None) -> ReportFile:
+    return ReportFile(f"smplicit_{name}", title, f"smplicit_{caption or name.partition('.')[0]}")
 
 
 def _plan(files: ExperimentFiles) -> ModelPlan:
-    tasks = _Tasks(files)
+    tasks = _SmplicitTasks(files)
     return ModelPlan(
         data=tasks.data(),
         trainings=tasks.trainings(),
