@@ -68,7 +68,7 @@ class ReportFile(NamedTuple):
     Attributes:
         file: its name in the folder `report` of the results.
         title: says what it shows.
-        caption: reStructuredText file without its suffix, in `workflow/report/` or by its whole path.
+        caption: reStructuredText file without its suffix, in `workflow/report/` or with its path.
     """
 
     file: str

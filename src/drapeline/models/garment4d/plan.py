@@ -1,6 +1,6 @@
 """What an experiment does with Garment4D."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -183,20 +183,21 @@ class _Garment4dTasks:
 
     def evaluations(self) -> dict[str, EvaluationTask]:
         """Of each type's networks, with and without variants, and the comparisons."""
-        found = {}
+        found: dict[str, tuple[Task, Sequence[str]]] = {}
         for garment in self.garments:
             # Figures 8 to 10 and noisy bodies are part of the ablations alone.
             few: dict[str, Any] = {key: [] for key in ("neighbours", "missing", "accuracy")}
             few |= {"noise_pose_rad": 0.0, "noise_shape": 0.0}
-            found[garment] = EvaluationTask(self._evaluate(garment, ["posed"], few), ("metrics",))
+            found[garment] = (self._evaluate(garment, ["posed"], few), ("metrics",))
             released = {"vertex_sampled": f"{self.folder}/{garment}/data_vertices"}
-            found[f"{garment}_ablations"] = EvaluationTask(
-                self._evaluate(garment, list(self.variants), {}, **released), (_ABLATIONS,)
+            found[f"{garment}_ablations"] = (
+                self._evaluate(garment, list(self.variants), {}, **released),
+                (_ABLATIONS,),
             )
-        found["representations"] = EvaluationTask(self._compare(), ("representations",))
+        found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
-            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
-        return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
+            found["scans"] = (self._fit_scans(), ("scans",))
+        return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
     def _evaluate(
         self, garment: str, variants: list[str], changed: Mapping[str, Any], **given: str

@@ -1,6 +1,6 @@
 """What an experiment does with the garment VAEs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
@@ -172,22 +172,20 @@ class _GcvaeTasks:
     def evaluations(self) -> dict[str, EvaluationTask]:
         """Of trivial predictions and trained models, and the comparisons with other models."""
         always = ("metrics", _ABLATIONS)
-        found = {
-            "baselines": EvaluationTask(self._baselines(), always),
-            "dynamic_baselines": EvaluationTask(self._dynamic_baselines(), always),
+        found: dict[str, tuple[Task, Sequence[str]]] = {
+            "baselines": (self._baselines(), always),
+            "dynamic_baselines": (self._dynamic_baselines(), always),
         }
         for names, task in (
             ((*SVAE_VARIANTS, STATIC_PPCA), self._evaluate_static),
             ((*DVAE_VARIANTS, DYNAMIC_PPCA), self._evaluate_dynamic),
         ):
             for name in names:
-                found[name] = EvaluationTask(
-                    task(name), always if name in _DEFAULT else (_ABLATIONS,)
-                )
-        found["representations"] = EvaluationTask(self._compare(), ("representations",))
+                found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))
+        found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
-            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
-        return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
+            found["scans"] = (self._fit_scans(), ("scans",))
+        return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
     def _baselines(self) -> Task:
         size = self.files.static_size

@@ -1,6 +1,6 @@
 """What an experiment does with SMPLicit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drapeline.errors import InputError
@@ -119,17 +119,13 @@ class _SmplicitTasks:
 
     def evaluations(self) -> dict[str, EvaluationTask]:
         """Of each model, in pictures of people, and the comparisons with other models."""
-        found = {
-            name: EvaluationTask(
-                self._evaluate(name), ("metrics",) if name in self.own.names else ()
-            )
+        found: dict[str, tuple[Task, Sequence[str]]] = {
+            name: (self._evaluate(name), ("metrics",) if name in self.own.names else ())
             for name in FIELD_MODELS
         }
         published, others = self._pictured()
         if published or others:
-            found["images"] = EvaluationTask(
-                self._find_in_pictures(published, others), ("metrics",)
-            )
+            found["images"] = (self._find_in_pictures(published, others), ("metrics",))
         # Types on which all models are compared, as far as a model here has learned them.
         compared = [
             garment
@@ -137,10 +133,10 @@ class _SmplicitTasks:
             if MODEL_OF_GARMENT[garment] in self.own.names
         ]
         if compared:
-            found["representations"] = EvaluationTask(self._compare(compared), ("representations",))
+            found["representations"] = (self._compare(compared), ("representations",))
         if self.files.scanned:
-            found["scans"] = EvaluationTask(self._fit_scans(), ("scans",))
-        return {f"evaluated/{name}": evaluation for name, evaluation in found.items()}
+            found["scans"] = (self._fit_scans(), ("scans",))
+        return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
     def _evaluate(self, name: str) -> Task:
         return Task(
