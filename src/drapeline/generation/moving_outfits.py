@@ -154,7 +154,7 @@ def _put_on(
     return record
 
 
-def _solver(solver: str | ClothSolver) -> ClothSolver:
+def _solver(solver: str | ClothSolver | None) -> ClothSolver:
     if solver is None:
         code = QUICK_SOLVER.code
     elif not isinstance(solver, str):
