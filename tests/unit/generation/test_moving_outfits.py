@@ -60,7 +60,7 @@ def test_the_same_arguments_give_the_same_frames(toy_body, motion, skirt):
         ({"outfit": "Cape"}, "outfit: 'Cape', expected one of .*Dress"),
         ({"outfit": {"Cape": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}}, "'Cape', expected"),
         ({"gender": "none"}, "gender: 'none', expected one of female, male"),
-        ({"solver": "fem"}, "solver: 'fem', expected one of xpbd, blender"),
+        ({"solver": "fem"}, "solver: 'fem', expected one of blender, xpbd"),
         ({"shape": [0.0] * 9}, "shape: .*expected 10 finite numbers"),
         ({"settings": {"step_min": 3}}, "did you mean steps_min"),
     ],
