@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.card import markdown_table
-from drapeline.dataset.record import SampleRecord, read_record, solver_name
+from drapeline.dataset.record import SPLITS, SampleRecord, read_record, solver_name
 from drapeline.dataset.shards import samples_of
-from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL

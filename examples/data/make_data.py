@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.bodies.rest_body import rest_body
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.scene_part import BODY_COLOUR
@@ -29,6 +28,7 @@ from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
 from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.generate import make_outfit, sample_numbers
 from drapeline.outfits.templates import build_templates
 from drapeline.rendering.camera import look_at

@@ -9,12 +9,12 @@ from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.weight_transfer import interpolated_weights
-from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import GarmentSequence, SequenceData, collect_sequences
 from drapeline.models.garment4d.canonical import MapRegression
 from drapeline.models.garment4d.data import BodySequences, BodySet
+from drapeline.outfits.garment_types import LABELS
 from drapeline.seeding import rng_for
 from toys.tiny_sample import tube
 

@@ -212,7 +212,7 @@ import zipfile
 import numpy as np
 import yaml
 
-from drapeline.dataset.labels import LABELS
+from drapeline.outfits.garment_types import LABELS
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.plan import Wardrobe, plan_at_rest
 from drapeline.outfits.generate import sample_outfit

@@ -4,8 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from drapeline.dataset.record import SampleRecord
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS, SampleRecord
 
 
 def dataset_card(

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.dataset.card import dataset_card
-from drapeline.dataset.record import SAMPLE_MANIFEST, SampleRecord, read_record
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SAMPLE_MANIFEST, SPLITS, SampleRecord, read_record
 from drapeline.dataset.statistics import action_table, garment_table, overview_table
 from drapeline.dataset.tables import ACTIONS, GARMENTS_WORN, OVERVIEW, SAMPLES, STATUS
 from drapeline.errors import InputError

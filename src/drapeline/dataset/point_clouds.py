@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from drapeline.dataset.labels import BODY, LABELS
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.settings import CloudSettings, Visibility
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
+from drapeline.outfits.garment_types import BODY, LABELS
 from drapeline.seeding import rng_for
 from drapeline.storage import ArrayFiles, atomic_folder, open_arrays, read_json, write_json
 

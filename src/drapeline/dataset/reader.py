@@ -4,12 +4,12 @@ import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from drapeline.bodies.model import BodyModel
 from drapeline.dataset.info_mat import Placement, SampleInfo, read_info, read_placement
-from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import (
     EXTRAS,
     HEALTH,
@@ -24,10 +24,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
 from drapeline.manifest import MANIFEST, damages
+from drapeline.outfits.garment_types import BODY
 from drapeline.storage import load_npz, read_json
-
-if TYPE_CHECKING:
-    from drapeline.bodies.model import BodyModel
 
 Frame = Literal["world", "root"]
 _BLOCK = 32  # points
@@ -77,7 +75,7 @@ class Cloth3D:
         root: str | Path,
         split: str | None = None,
         *,
-        bodies: Mapping[str, "BodyModel"] | None = None,
+        bodies: Mapping[str, BodyModel] | None = None,
         rest_turned: bool = True,
     ) -> None:
         """Find the samples of a dataset.
@@ -172,7 +170,7 @@ class Sample:
         self,
         folder: str | Path,
         *,
-        bodies: Mapping[str, "BodyModel"] | None = None,
+        bodies: Mapping[str, BodyModel] | None = None,
         rest_turned: bool = True,
     ) -> None:
         """Refer to the sample in `folder`; see `Cloth3D` for the other arguments."""
@@ -403,7 +401,7 @@ class Sample:
         return self._caches[name]
 
     @cached_property
-    def _body_model(self) -> "BodyModel":
+    def _body_model(self) -> BodyModel:
         if self.gender not in self._bodies:
             raise InputError(
                 f"{self.folder}: no body model for gender {self.gender},"

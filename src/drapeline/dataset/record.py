@@ -4,18 +4,16 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from drapeline.dataset.splits import SPLITS
+from drapeline.bodies.model import BodyModel
 from drapeline.errors import DamagedFile
 from drapeline.manifest import MANIFEST
 from drapeline.storage import check_name, read_json
 
-if TYPE_CHECKING:
-    from drapeline.bodies.model import BodyModel
-
+SPLITS = ("train", "val", "test")
 # What is read of a sample's `meta.json`, and of the `status.json` of its registration.
 META = {
     **dict.fromkeys(("id?", "status?", "split?", "reason?"), str),
@@ -98,7 +96,7 @@ def outfit_text(meta: Mapping[str, Any]) -> str:
     return ", ".join(f"{garment['name']} ({garment['fabric']})" for garment in worn)
 
 
-def body_fingerprint(body: "BodyModel") -> str:
+def body_fingerprint(body: BodyModel) -> str:
     """SHA-256 of the arrays that determine the vertices of a posed body."""
     digest = hashlib.sha256()
     for array in (body.v_template, body.shapedirs, body.posedirs, body.J_regressor, body.weights):

@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
+from drapeline.outfits.garment_types import BODY
 
 
 def scene_parts(sample: Sample) -> list[ScenePart]:

@@ -12,13 +12,12 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import BODY, LABELS
 from drapeline.dataset.point_clouds import CloudRngs, CloudSampler
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scans import ScanSequence
 from drapeline.dataset.settings import CloudSettings, ScanSettings
 from drapeline.errors import InputError
-from drapeline.outfits.garment_types import GARMENTS, layered
+from drapeline.outfits.garment_types import BODY, GARMENTS, LABELS, layered
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
 

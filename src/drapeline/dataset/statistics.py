@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.dataset.record import SampleRecord
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS, SampleRecord
 
 NO_ACTION = "Others"
 

@@ -1,6 +1,6 @@
 """Schemas of the tables of a collected dataset."""
 
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS
 from drapeline.schema import Column, Schema
 
 _COUNT = Column(int, low=0)

@@ -12,7 +12,6 @@ from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
-from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, JOINT_NAMES, REST_POSE
@@ -20,6 +19,7 @@ from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.manifest import write_manifest
+from drapeline.outfits.garment_types import BODY
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
 from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS
 from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import FPS, GENDERS

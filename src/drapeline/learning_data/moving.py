@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import STATUS, read_meta, solver_name
+from drapeline.dataset.record import SPLITS, STATUS, read_meta, solver_name
 from drapeline.dataset.shards import samples_of
-from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
 from drapeline.storage import read_json

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, LABELS
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
 from drapeline.storage import (

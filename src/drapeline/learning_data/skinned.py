@@ -19,7 +19,6 @@ from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.weight_transfer import nearest_weights
-from drapeline.dataset.labels import BODY
 from drapeline.dataset.point_clouds import CloudSampler, cloud_layouts, cloud_rngs, rig_turn
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
@@ -30,7 +29,7 @@ from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.settings import SkinnedSettings
-from drapeline.outfits.garment_types import SKIRTS
+from drapeline.outfits.garment_types import BODY, SKIRTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress

@@ -35,6 +35,8 @@ GARMENT_TYPES = {
     "Dress": GarmentType("whole", skirt=True, sleeve_chance=0.5),
 }
 GARMENTS = tuple(GARMENT_TYPES)
+BODY = "Body"
+LABELS = (BODY, *GARMENTS)  # the label of a point is an index into this
 SKIRTS = tuple(name for name, garment_type in GARMENT_TYPES.items() if garment_type.skirt)
 # Every combination of garment types that makes an outfit. Plans depend on the order.
 OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")

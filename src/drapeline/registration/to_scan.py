@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from drapeline.bodies.follow import PosedBody
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh, vertex_normals
+from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import stack_layers
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import fit_to_points

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import (
     CloudRngs,
     CloudSampler,
@@ -19,6 +18,7 @@ from drapeline.dataset.point_clouds import (
 )
 from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
+from drapeline.outfits.garment_types import LABELS
 from drapeline.seeding import rng_for
 from drapeline.storage import read_json
 from toys.tiny_sample import tube, write_tiny_sample

@@ -6,7 +6,6 @@ from scipy.spatial import KDTree
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scans import read_scans, to_scans
 from drapeline.dataset.segmented_scans import (
@@ -19,6 +18,7 @@ from drapeline.dataset.segmented_scans import (
 from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
+from drapeline.outfits.garment_types import LABELS
 from drapeline.storage import save_npz
 from toys.tiny_sample import write_tiny_sample
 

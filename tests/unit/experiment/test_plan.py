@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS
 from drapeline.errors import InputError
 from drapeline.experiment.plan import (
     Wardrobe,

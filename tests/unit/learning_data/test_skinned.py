@@ -10,13 +10,13 @@ import pytest
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import nearest_weights
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, skin_outfit, worn_weights, write_skinned
+from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
 from drapeline.storage import read_json

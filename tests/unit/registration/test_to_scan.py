@@ -3,11 +3,11 @@ import pytest
 
 from drapeline.bodies.follow import PosedBody
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_scan import move_to_scan
 from toys.smplicit import tube
 

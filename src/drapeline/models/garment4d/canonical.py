@@ -18,7 +18,6 @@ import numpy as np
 import torch
 from torch import nn
 
-from drapeline.dataset.labels import LABELS
 from drapeline.errors import InputError
 from drapeline.models.garment4d.settings import CanonicalLayers, CanonicalSettings
 from drapeline.models.layers.linear import full_precision, linear
@@ -31,6 +30,7 @@ from drapeline.models.layers.pointnet import (
     max_pool,
     perceptron,
 )
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
 # Cell sizes of the maps of the body that labels and coefficients are predicted from.
@@ -45,7 +45,7 @@ _FLOOR = 0.3  # of a channel's median deviation: cells that hardly vary count le
 class CanonicalOutput(NamedTuple):
     """Output of the stage for B windows of T clouds with P points."""
 
-    # (B, T, P, L) of the labels `dataset.labels.LABELS`; None without segmentation.
+    # (B, T, P, L) of the labels `outfits.garment_types.LABELS`; None without segmentation.
     logits: torch.Tensor | None
     coefficients: torch.Tensor  # (B, D) alpha
     vertices: torch.Tensor  # (B, N, 3) T(alpha), metres, root frame

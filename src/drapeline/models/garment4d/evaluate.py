@@ -13,7 +13,6 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import load_bodies, posed_vertices
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
@@ -48,6 +47,7 @@ from drapeline.models.garment4d.stages import (
 from drapeline.models.training.batches import ByteCache
 from drapeline.models.training.checkpoints import tensors_digest
 from drapeline.models.training.module import fastest_device
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.rule_log import progress

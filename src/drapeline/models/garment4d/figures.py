@@ -3,7 +3,7 @@
 import numpy as np
 
 from drapeline.bodies.model import load_bodies, posed_vertices
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS
 from drapeline.job import Job
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.data import BodySequences, BodySet, propose_garment

@@ -16,7 +16,6 @@ from scipy.ndimage import convolve1d
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scans import ScanSequence, to_scans
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
@@ -34,6 +33,7 @@ from drapeline.models.garment4d.stages import (
     load_stage,
 )
 from drapeline.models.training.module import BEST, fastest_device
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import WornGarmentStatistics, fit_to_points
 from drapeline.rule_log import LOGGER
@@ -343,7 +343,7 @@ class ReconstructedMotion(NamedTuple):
     canonical: np.ndarray
     points: np.ndarray  # (F, P, 3) float32, those of the clouds that the networks were given
     # (F, P) uint8, what each of them was taken for: an index into
-    # `drapeline.dataset.labels.LABELS`, 0 for the body.
+    # `drapeline.outfits.garment_types.LABELS`, 0 for the body.
     labels: np.ndarray
 
 

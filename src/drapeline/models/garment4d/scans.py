@@ -14,7 +14,6 @@ from scipy.spatial import KDTree
 from drapeline.bodies import follow
 from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scans import ScanSequence
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.closest import closest_points
@@ -37,6 +36,7 @@ from drapeline.models.garment4d.reconstruct import (
     reconstruct,
     refine,
 )
+from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_scan import move_to_scan

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import load_body, save_body
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -57,6 +56,7 @@ from drapeline.models.training.checkpoints import (
 )
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 import numpy as np
 import torch
 
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS
 from drapeline.models.gcvae.data import BodyTemplate, Garments, StaticGarments
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.training.batches import Batch, as_tensors

@@ -12,7 +12,6 @@ from torch.nn import functional
 from drapeline.bodies.follow import move_to_rest, pose_body
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import StaticData
@@ -24,7 +23,7 @@ from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.decode import static_truth
 from drapeline.models.gcvae.sample import Request
 from drapeline.models.training.optimise import CosineAdam
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.registration.to_scan import move_to_scan

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from drapeline.dataset.record import SampleRecord, meta_path
-from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.record import SPLITS, SampleRecord, meta_path
 from drapeline.dataset.statistics import NO_ACTION
 from drapeline.dataset.tables import ACTIONS, OVERVIEW, SAMPLES
 from drapeline.errors import InputError

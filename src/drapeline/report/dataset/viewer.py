@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import read_meta
+from drapeline.dataset.record import SPLITS, read_meta
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
-from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.storage import atomic_file
 

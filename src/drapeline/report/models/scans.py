@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import BODY, TRUE, Fits, load_fitted_scans
 from drapeline.metrics.registry import variants
+from drapeline.outfits.garment_types import LABELS
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card
 from drapeline.report.models.garment4d.figures import spread_frames

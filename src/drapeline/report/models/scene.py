@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 from trimesh.creation import icosahedron
 
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import Mesh
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, LABELS
 from drapeline.rendering.camera import Camera, look_at, view_direction
 from drapeline.rendering.pictures import GridCell, heat_parts, save_grid
 from drapeline.rendering.raytracer import BACKDROP, ColouredMesh, raytrace

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.dataset.labels import LABELS
 from drapeline.errors import InputError
 from drapeline.models.garment4d import canonical
 from drapeline.models.garment4d.canonical import (
@@ -25,6 +24,7 @@ from drapeline.models.garment4d.settings import (
     CanonicalWeights,
 )
 from drapeline.models.layers.pointnet import PointLevel
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import fit_space
 from drapeline.seeding import rng_for
 from toys.garment4d import fill_regression

@@ -7,7 +7,6 @@ import pytest
 
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.rest_body import rest_body
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
@@ -22,6 +21,7 @@ from drapeline.models.garment4d.scans import (
     fit_template,
 )
 from drapeline.models.garment4d.stages import PosedStage, load_stage, save_posed_files
+from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import fit_space
 from toys.garment4d import GARMENT, skirt_faces
 from toys.tiny_sample import tube

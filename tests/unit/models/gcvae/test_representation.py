@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
@@ -22,7 +21,7 @@ from drapeline.models.gcvae.representation import (
     fit_code,
     register_points,
 )
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, LABELS
 from toys.gcvae import VERTICES, ToyGarments, toy_template, tube
 
 

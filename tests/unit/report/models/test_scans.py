@@ -4,11 +4,11 @@ import numpy as np
 from PIL import Image
 
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, save_scans
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import BODY, TRUE, save_fitted_scans
+from drapeline.outfits.garment_types import LABELS
 from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans
 from toys.smplicit import tube
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.dataset.labels import LABELS
 from drapeline.geometry.mesh import Mesh
+from drapeline.outfits.garment_types import LABELS
 from drapeline.rendering.pictures import heat_parts
 from drapeline.report.models.scene import (
     HEAT_SPAN_MM,

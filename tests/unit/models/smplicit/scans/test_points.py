@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.labels import BODY, LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.models.smplicit.scans.points import cloud_distances, field_points
+from drapeline.outfits.garment_types import BODY, LABELS
 
 SKIRT, TROUSERS, SKIN = (LABELS.index(name) for name in ("Skirt", "Trousers", BODY))
 BODY_STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.predictions import Reconstruction
+from drapeline.outfits.garment_types import LABELS
 from drapeline.report.colours import garment_colour
 from drapeline.report.models.garment4d.figures import (
     STEP_COLUMNS,

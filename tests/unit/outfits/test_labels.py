@@ -1,6 +1,6 @@
 """Codes that point clouds on disk and trained networks hold."""
 
-from drapeline.dataset.labels import LABELS
+from drapeline.outfits.garment_types import LABELS
 
 
 def test_codes_are_those_of_existing_files():

@@ -1,3 +1,0 @@
-"""Splits of samples for training, validation and testing."""
-
-SPLITS = ("train", "val", "test")
