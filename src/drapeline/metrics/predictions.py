@@ -105,9 +105,7 @@ class Reconstruction:
     true: Annotated[np.ndarray, "float ..."]  # (F, N, 3), or no frames without ground truth
     true_canonical: Annotated[np.ndarray, "float ..."]  # (N, 3), or no vertices
     points: Annotated[np.ndarray, "float f p 3"]  # input clouds
-    labels: Annotated[
-        np.ndarray, "int f p"
-    ]  # predicted indices into `outfits.garment_types.LABELS`
+    labels: Annotated[np.ndarray, "int f p"]  # predicted indices into `LABELS`
     body: Annotated[np.ndarray, "float f v 3"]  # whole
     rest_body: Annotated[np.ndarray, "float v 3"]  # in the pose of the canonical garment
     body_faces: Annotated[np.ndarray, "int<v * 3"]
