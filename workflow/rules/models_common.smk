@@ -102,9 +102,16 @@ def task_function(wildcards):
     return task_of(wildcards).run
 
 
+# All at once, since what is found out once jobs are planned is not remembered.
+TASK_CODES = {
+    name: {folder: task_digest(task) for folder, task in tasks.items()}
+    for name, tasks in TASKS.items()
+}
+
+
 def task_code(wildcards):
     """Params function: `task_digest` of a task."""
-    return task_digest(task_of(wildcards))
+    return TASK_CODES[wildcards.model][wildcards.task]
 
 
 def task_told(wildcards):
@@ -162,3 +169,30 @@ def figure_output(model, figure):
         )
         for name, shown in figure.output.items()
     }
+
+
+# Stages in the tables of times: the files that rules stand in, up to an underscore, put together.
+STAGES = {
+    **dict.fromkeys(["bodies", "outfits"], "bodies, motion, outfits"),
+    **dict.fromkeys(
+        ["dataset", "renders", "report", "evaluation"], "dataset, pictures, report"
+    ),
+    **dict.fromkeys(["registration", "learning"], "registration, data for learning"),
+    **{name: model.title for name, model in MODELS.items()},
+}
+
+
+def stages_of_jobs():
+    """What the names of benchmark files begin with, and the stage of the jobs they are of."""
+    stages = {}
+    for rule in workflow.rules:
+        name = Path(rule.snakefile).stem.split("_")[0]
+        stages[f"{rule.name}/"] = STAGES.get(name, name)
+        if name == "simulation":
+            for group in MOVING:
+                stages[f"{rule.name}/{group.name}_"] = f"simulation, {group.solver}"
+        for model in MODELS if name == "models" else ():
+            stages[f"{rule.name}/{model}/"] = MODELS[model].title
+    for name, (model, _) in FIGURES.items():
+        stages[f"{name}/"] = MODELS[model].title
+    return stages

@@ -220,33 +220,6 @@ DEFAULT_TARGETS += [
 ]
 
 
-# Stages in the tables of times: the files that rules stand in, up to an underscore, put together.
-STAGES = {
-    **dict.fromkeys(["bodies", "outfits"], "bodies, motion, outfits"),
-    **dict.fromkeys(
-        ["dataset", "renders", "report", "evaluation"], "dataset, pictures, report"
-    ),
-    **dict.fromkeys(["registration", "learning"], "registration, data for learning"),
-    **{name: model.title for name, model in MODELS.items()},
-}
-
-
-def stages_of_jobs():
-    """What the names of benchmark files begin with, and the stage of the jobs they are of."""
-    stages = {}
-    for rule in workflow.rules:
-        name = Path(rule.snakefile).stem.split("_")[0]
-        stages[f"{rule.name}/"] = STAGES.get(name, name)
-        if name == "simulation":
-            for group in MOVING:
-                stages[f"{rule.name}/{group.name}_"] = f"simulation, {group.solver}"
-        for model in MODELS if name == "models" else ():
-            stages[f"{rule.name}/{model}/"] = MODELS[model].title
-    for name, (model, _) in FIGURES.items():
-        stages[f"{name}/"] = MODELS[model].title
-    return stages
-
-
 rule plot_time:
     # Comes after all the rest, for what it reads are the benchmark files of the other rules.
     input:
