@@ -185,14 +185,14 @@ STAGES = {
 def stages_of_jobs():
     """What the names of benchmark files begin with, and the stage of the jobs they are of."""
     stages = {}
-    for rule in workflow.rules:
-        name = Path(rule.snakefile).stem.split("_")[0]
-        stages[f"{rule.name}/"] = STAGES.get(name, name)
+    for made_by in workflow.rules:
+        name = Path(made_by.snakefile).stem.split("_")[0]
+        stages[f"{made_by.name}/"] = STAGES.get(name, name)
         if name == "simulation":
             for group in MOVING:
-                stages[f"{rule.name}/{group.name}_"] = f"simulation, {group.solver}"
+                stages[f"{made_by.name}/{group.name}_"] = f"simulation, {group.solver}"
         for model in MODELS if name == "models" else ():
-            stages[f"{rule.name}/{model}/"] = MODELS[model].title
+            stages[f"{made_by.name}/{model}/"] = MODELS[model].title
     for name, (model, _) in FIGURES.items():
         stages[f"{name}/"] = MODELS[model].title
     return stages
