@@ -57,9 +57,9 @@ rule sample_clouds:
     output:
         directory(GARMENT4D.clouds("{protocol}")),
     log:
-        f"{LOGS}/sample_clouds_{{protocol}}/{{group}}_{{shard}}.log",
+        f"{LOGS}/sample_clouds/{{protocol}}_{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{group}}_{{shard}}.tsv"
+        f"{BENCHMARKS}/sample_clouds/{{protocol}}_{{group}}_{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
