@@ -30,10 +30,13 @@ def resolve(name: str) -> Any:
     """What `package.module:name` names.
 
     Raises:
-        InputError: there is nothing of that name.
+        InputError: the module cannot be imported, or has nothing of that name.
     """
     module, _, inner = name.partition(":")
     try:
-        return getattr(import_module(module), inner)
-    except (AttributeError, ModuleNotFoundError) as error:
-        raise InputError(f"{name}: no such name ({error})") from error
+        found = import_module(module)
+    except ImportError as error:
+        raise InputError(f"{name}: cannot be imported ({error})") from error
+    if not hasattr(found, inner):
+        raise InputError(f"{name}: no such name, expected one that the module has")
+    return getattr(found, inner)

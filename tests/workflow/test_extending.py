@@ -59,13 +59,11 @@ def plan(files):
     compare = Task("stranger.evaluate:compare", {"data": files.static}, {}, **cost)
     show = Task("stranger.evaluate:show", {"metrics": files.metrics("metrics")}, {}, **cost)
     return ModelPlan(
-        data={},
         trainings={"model": train},
         evaluations={
             "evaluated/toy": EvaluationTask(evaluate, ["metrics"]),
             "evaluated/representations": EvaluationTask(compare, ["representations"]),
         },
-        samples={},
         figures={"show_toy": Figure(show, {"page": ReportFile("toy.html", "errors", CAPTION)})},
         targets={"toy_model": [f"{folder}/model"]},
     )

@@ -9,12 +9,13 @@ Another package adds a model by an entry point of the group `drapeline.models`, 
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from importlib import import_module
 from importlib.metadata import entry_points
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from drapeline.errors import InputError
 from drapeline.experiment.files import ExperimentFiles
+from drapeline.job import resolve
 from drapeline.settings import Settings
 
 ENTRY_POINTS = "drapeline.models"
@@ -105,12 +106,12 @@ class ModelPlan(NamedTuple):
         priority: of its jobs where several models' could run.
     """
 
-    data: Mapping[str, Task]
-    trainings: Mapping[str, Task]
-    evaluations: Mapping[str, EvaluationTask]
-    samples: Mapping[str, Task]
-    figures: Mapping[str, Figure]
-    targets: Mapping[str, Sequence[str]]
+    data: Mapping[str, Task] = MappingProxyType({})
+    trainings: Mapping[str, Task] = MappingProxyType({})
+    evaluations: Mapping[str, EvaluationTask] = MappingProxyType({})
+    samples: Mapping[str, Task] = MappingProxyType({})
+    figures: Mapping[str, Figure] = MappingProxyType({})
+    targets: Mapping[str, Sequence[str]] = MappingProxyType({})
     priority: int = 0
 
 
@@ -137,11 +138,12 @@ def models() -> dict[str, Model]:
     """All models by name, ours first.
 
     Raises:
-        InputError: two have one name.
+        InputError: two have one name, or one of another package cannot be imported.
     """
-    ours = [import_module(f"drapeline.models.{name}.plan").MODEL for name in _OURS]
+    ours = [resolve(f"drapeline.models.{name}.plan:MODEL") for name in _OURS]
+    others = [resolve(point.value) for point in entry_points(group=ENTRY_POINTS)]
     found: dict[str, Model] = {}
-    for model in (*ours, *(point.load() for point in entry_points(group=ENTRY_POINTS))):
+    for model in (*ours, *others):
         if model.name in found:
             raise InputError(f"two models are called '{model.name}', expected names of their own")
         found[model.name] = model

@@ -5,6 +5,8 @@ import inspect
 import json
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 
 import pytest
 
@@ -78,22 +80,26 @@ def test_plans_load_nothing_that_takes_long():
     assert not loaded & {"torch", "bpy", "warp", "trimesh", "pandas", "matplotlib", "snakemake"}
 
 
-def test_two_models_of_one_name_are_refused(monkeypatch):
-    twin = Model("gcvae", "Twin", Settings, lambda files: ModelPlan({}, {}, {}, {}, {}, {}), {})
+def test_two_models_of_one_name_and_one_that_is_missing_are_refused(monkeypatch):
+    twin = Model("gcvae", "Twin", Settings, lambda files: ModelPlan(), {})
 
-    class Point:
-        def load(self):
-            return twin
+    def add(value):
+        point = EntryPoint("twin", value, registry.ENTRY_POINTS)
+        monkeypatch.setattr(registry, "entry_points", lambda group: [point])
 
-    monkeypatch.setattr(registry, "entry_points", lambda group: [Point()])
+    monkeypatch.setitem(sys.modules, "twins", SimpleNamespace(MODEL=twin))
+    add("twins:MODEL")
     with pytest.raises(InputError, match="two models are called 'gcvae'"):
+        models.__wrapped__()
+    add("nowhere.plan:MODEL")
+    with pytest.raises(InputError, match="nowhere.plan:MODEL: cannot be imported"):
         models.__wrapped__()
 
 
 def test_a_function_that_is_not_there_is_named():
-    for name in ("drapeline.nowhere:train", "drapeline.job:train"):
-        with pytest.raises(InputError, match=f"{name}: no such name"):
-            resolve(name)
+    for name, reason in (("nowhere:train", "cannot be imported"), ("job:train", "no such name")):
+        with pytest.raises(InputError, match=f"drapeline.{name}: {reason}"):
+            resolve(f"drapeline.{name}")
 
 
 @pytest.mark.parametrize("model", MODELS)

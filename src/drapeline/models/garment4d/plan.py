@@ -386,7 +386,6 @@ def _plan(files: ExperimentFiles) -> ModelPlan:
         data=tasks.data(),
         trainings=tasks.trainings(),
         evaluations=tasks.evaluations(),
-        samples={},
         figures=tasks.figures(),
         targets=tasks.targets(),
         priority=1,  # the longest chain after samples

@@ -47,6 +47,14 @@ class _GcvaeTasks:
             DYNAMIC_PPCA: self._dynamic_ppca(),
         }
 
+    def _template(self, pooling: str = "segments") -> dict[str, str]:
+        """What networks and PCA are laid over: bodies, topologies and mesh hierarchy."""
+        return {
+            **self.files.super_bodies,
+            "topology": self.files.topology,
+            "hierarchy": self.files.hierarchy(pooling),
+        }
+
     def _conditioning(self, model: str) -> dict[str, Any]:
         """Settings of the autoencoder of the svae's or the dvae's conditions."""
         return {
@@ -85,7 +93,7 @@ class _GcvaeTasks:
         )
         return Task(
             f"{_HERE}.train:{run}",
-            {**self.files.super_bodies, "topology": self.files.topology, **given},
+            given,
             {**told, "trainer": self.settings["trainer"]},
             seconds=0.025 * own["training"]["epochs"] * garments * width,
             megabytes=500 + 60 * own["training"]["batch"] * width,
@@ -112,8 +120,8 @@ class _GcvaeTasks:
             "svae",
             "train_svae",
             {"settings": self._vae_settings("svae", SVAE_VARIANTS[name])},
+            **self._template(pooling_of(name)),
             data=self.files.static,
-            hierarchy=self.files.hierarchy(pooling_of(name)),
             conditioning=f"{self.folder}/conditioning/static",
         )
 
@@ -123,9 +131,9 @@ class _GcvaeTasks:
             "dvae",
             "train_dvae",
             {"settings": self._vae_settings("dvae", DVAE_VARIANTS[name]), "frames": frames},
+            **self._template(),
             data=self.files.dynamic(version),
             static=self.static,
-            hierarchy=self.files.hierarchy("segments"),
             conditioning=f"{self.folder}/conditioning/{version}_{frames}",
         )
 
@@ -137,12 +145,7 @@ class _GcvaeTasks:
         size = self.files.static_size
         return Task(
             f"{_HERE}.train:fit_static_ppca",
-            {
-                **self.files.super_bodies,
-                "topology": self.files.topology,
-                "hierarchy": self.files.hierarchy("segments"),
-                "data": self.files.static,
-            },
+            {**self._template(), "data": self.files.static},
             {"settings": self._ppca("svae")},
             seconds=40 * size,
             megabytes=2000 + 300 * size,
@@ -155,13 +158,7 @@ class _GcvaeTasks:
         size = self.files.moving_size
         return Task(
             f"{_HERE}.train:fit_dynamic_ppca",
-            {
-                **self.files.super_bodies,
-                "topology": self.files.topology,
-                "hierarchy": self.files.hierarchy("segments"),
-                "data": self.files.dynamic(version),
-                "static": self.static,
-            },
+            {**self._template(), "data": self.files.dynamic(version), "static": self.static},
             {"settings": self._ppca("dvae"), "frames": frames},
             seconds=90 * size,
             megabytes=3000 + 100 * size,
@@ -318,6 +315,7 @@ class _GcvaeTasks:
             "static": self.static,
         }
         frames = dynamic_conditions(DYNAMIC_PPCA)[1]
+        rays = {"rays": self.files.config["renders"]["rays"]}
         return {
             "tabulate_gcvae": self._tables("metrics", "gcvae_metrics"),
             "tabulate_gcvae_ablations": self._tables(_ABLATIONS, "gcvae_ablations")._replace(
@@ -326,7 +324,7 @@ class _GcvaeTasks:
             "plot_gcvae_samples": self._plot(
                 "plot_sampled",
                 {**bodies, "samples": f"{self.folder}/sampled"},
-                {"shown": 24},
+                {"shown": 24, **rays},
                 picture=ReportFile("gcvae_samples.png", "sampled garments", "gcvae_samples"),
             ),
             **{
@@ -345,7 +343,7 @@ class _GcvaeTasks:
             "plot_gcvae_walks": self._plot(
                 "plot_walks",
                 {**bodies, "model": model, "evaluated": codes, "data": self.files.static},
-                {"steps": 7, "frames": 24},
+                {"steps": 7, "frames": 24, **rays},
                 sheet=ReportFile("gcvae_walks.png", "figure 9: transitions", "gcvae_walks"),
                 moving=ReportFile(
                     "gcvae_walk_moving.png", "figure 9: a transition in motion", "gcvae_walks"
@@ -360,7 +358,7 @@ class _GcvaeTasks:
                     "data": self.files.static,
                     "outfits": self.files.outfits_at_rest,
                 },
-                {"frames": frames},
+                {"frames": frames, **rays},
                 checks=[self.files.resting_in(*EVALUATED_SPLITS)],
                 picture=ReportFile(
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
@@ -369,7 +367,7 @@ class _GcvaeTasks:
             "plot_gcvae_wrinkles": self._plot(
                 "plot_wrinkles",
                 moving,
-                {"frames": frames, "columns": 6, "seed": self.seed},
+                {"frames": frames, "columns": 6, "seed": self.seed, **rays},
                 picture=ReportFile(
                     "gcvae_wrinkles.png", "figure 10: wrinkle codes elsewhere", "gcvae_wrinkles"
                 ),
@@ -404,7 +402,7 @@ class _GcvaeTasks:
             Task(
                 f"{_HERE}.figures:{run}",
                 given,
-                {**told, "rays": self.files.config["renders"]["rays"]},
+                told,
                 seconds=600,
                 megabytes=2000,
                 checks=checks or [],
@@ -424,7 +422,6 @@ class _GcvaeTasks:
 def _plan(files: ExperimentFiles) -> ModelPlan:
     tasks = _GcvaeTasks(files)
     return ModelPlan(
-        data={},
         trainings=tasks.trainings(),
         evaluations=tasks.evaluations(),
         samples=tasks.samples(),

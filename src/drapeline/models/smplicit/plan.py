@@ -262,7 +262,7 @@ class _SmplicitTasks:
                     "evaluated": [f"{evaluated}/{name}" for name in self.own.names],
                     "outfits": self.files.outfits_at_rest,
                 },
-                {"meshing": self.settings["meshing"]},
+                {"meshing": self.settings["meshing"], **self.rays},
                 picture=_shown("garments.png", "held-out garments rebuilt from their codes"),
             ),
         }
@@ -270,7 +270,7 @@ class _SmplicitTasks:
             found["plot_fit_images"] = self._figure(
                 f"{_PAGES}.figures:plot_evaluated_pictures",
                 {"evaluated": f"{evaluated}/images"},
-                {"most": 8},
+                {"most": 8, **self.rays},
                 "report",
                 picture=_shown("images.png", "garments found in pictures of held-out samples"),
             )
@@ -285,7 +285,7 @@ class _SmplicitTasks:
         return self._figure(
             f"{_HERE}.figures:plot_sheets",
             {**self.files.bodies, "gallery": f"{self.folder}/gallery/{name}"},
-            {},
+            self.rays,
             environment="train",
             **{
                 sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
@@ -313,6 +313,7 @@ class _SmplicitTasks:
                 "bounds": config["simulation"]["bounds"],
                 "shown": 6,
                 "meshing": self.settings["meshing"],
+                **self.rays,
             },
             sheet=_shown(f"{name}_posed.png", f"a garment posed ({name})", "posed"),
             moving=_shown(f"{name}_moving.png", f"a garment in motion ({name})", "posed"),
@@ -349,7 +350,6 @@ class _SmplicitTasks:
         environment: str = "train",
         **output: ReportFile,
     ) -> Figure:
-        told = {**told, **self.rays}
         task = Task(run, given, told, seconds=600, megabytes=2000, environment=environment)
         return Figure(task, output)
 
