@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.frames import FPS
 from drapeline.metrics.predictions import load_reconstruction
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.garment4d.figures import animate_steps, plot_steps, spread_frames
+from drapeline.report.models.garment4d.figures import animate_steps, plot_steps
+from drapeline.report.models.scene import spread_frames
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

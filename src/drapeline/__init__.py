@@ -59,6 +59,8 @@ def __getattr__(name: str) -> Any:
             try:
                 value = getattr(import_module(f"{__name__}.{homes[name]}"), name)
             except ModuleNotFoundError as error:
+                if not extra:
+                    raise
                 raise ModuleNotFoundError(
                     f"drapeline.{name} needs {error.name}, which is not installed; expected"
                     f" drapeline with the extra [{extra}]: pip install 'drapeline[{extra}]'",

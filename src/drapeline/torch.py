@@ -225,6 +225,10 @@ def collate(items: Sequence[OutfitFrames]) -> OutfitBatch:
     vertex_count = torch.tensor([len(x) for x in rest])
     first = vertex_count.cumsum(0) - vertex_count
     bodies = [item.body for item in items if item.body is not None]
+    if 0 < len(bodies) < len(items):
+        raise InputError(
+            f"a batch has bodies in {len(bodies)} of {len(items)} items, expected all or none"
+        )
     return OutfitBatch(
         sample=[item.sample for item in items],
         frame=torch.tensor([item.frame for item in items]),

@@ -49,7 +49,7 @@ def _names(tree: ast.AST) -> set[str]:
         match node:
             case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name):
                 found.add(name)
-            case ast.Constant(value=str(name)) if name.rpartition(":")[2].startswith("train"):
+            case ast.Constant(value=str(name)) if name.startswith("train_") or ":train" in name:
                 found.add("train_" + name)
     return found
 

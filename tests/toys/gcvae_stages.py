@@ -92,6 +92,7 @@ def train_conditioning(run_rule, files: dict[str, Path], folder: Path) -> Path:
         output=[folder / "conditioning"],
         params={
             "settings": {"condition": 4, "training": {"epochs": 2}},
+            "trainer": {"accelerator": "cpu"},
             "code": "c",
             "progress": str(folder / ".progress" / "conditioning"),
         },

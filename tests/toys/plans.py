@@ -12,8 +12,9 @@ from toys.snakemake_run import ROOT
 
 
 def files_of(config="tests/data/tiny.yaml"):
-    """Files of an experiment."""
-    settings = fill_settings(yaml.safe_load((ROOT / config).read_text()), SCHEMA, config)
+    """Files of an experiment, by the path of its config or by what that holds."""
+    given = config if isinstance(config, dict) else yaml.safe_load((ROOT / config).read_text())
+    settings = fill_settings(given, SCHEMA, "config")
     groups = plan_groups(
         settings, str(ROOT / "workflow/resources/motions/clips.tsv"), FrameCounts()
     )

@@ -95,6 +95,13 @@ def test_only_garments_that_are_asked_for_are_read(data):
         FrameDataset(data, garments=["Dress", "Top"])
 
 
+def test_a_batch_has_bodies_in_all_items_or_in_none(data):
+    item = FrameDataset(data)[0]
+    assert collate([item._replace(body=None)] * 2).body is None
+    with pytest.raises(InputError, match="bodies in 1 of 2 items, expected all or none"):
+        collate([item._replace(body=torch.zeros(4, 3)), item._replace(body=None)])
+
+
 @pytest.mark.parametrize("frames", [None, 3])
 def test_meshes_of_any_size_are_packed_and_unpacked(data, frames):
     read = FrameDataset(data) if frames is None else SequenceDataset(data, frames)

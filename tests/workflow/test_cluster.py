@@ -7,6 +7,9 @@ from statistics import median
 import pytest
 import yaml
 
+from drapeline.models.gcvae.settings import DVAE_VARIANTS, SVAE_VARIANTS
+from drapeline.models.registry import models
+from toys.plans import files_of, tasks_of
 from toys.snakemake_run import ROOT, snakemake
 
 TINY = "tests/data/tiny.yaml"
@@ -99,6 +102,21 @@ def test_what_uses_a_gpu_asks_for_one_where_the_config_does(project, tmp_path, a
     asked = {}
     for rule, resources in jobs:
         asked.setdefault(rule, set()).add(resources.get("gpu"))
-    # Conditionings and PCA have no use for one.
     assert asked["train"] == asked["evaluate"] == {"0", gpus}
     assert asked["simulate_outfits"] == {"0", gpus}  # by Blender, and by the other solver
+
+
+def test_trainings_and_the_evaluation_of_garment4d_can_use_a_gpu():
+    config = yaml.safe_load((ROOT / TINY).read_text())
+    for model in models():
+        config.setdefault(model, {})["trainer"] = {"accelerator": "gpu"}
+    plans = {name: model.plan(files_of(config)) for name, model in models().items()}
+    using = {
+        name: {task for task, one in tasks_of(plan).items() if one.gpus}
+        for name, plan in plans.items()
+    }
+    # Conditionings and PCA have no use for one.
+    assert using["gcvae"] == {*SVAE_VARIANTS, *DVAE_VARIANTS}
+    assert using["smplicit"] == set(plans["smplicit"].trainings)
+    evaluated = {f"evaluated/Skirt{end}" for end in ("", "_ablations")}
+    assert using["garment4d"] == {*plans["garment4d"].trainings, *evaluated}

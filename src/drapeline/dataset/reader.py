@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import BodyModel, load_body
 from drapeline.dataset.info_mat import Placement, SampleInfo, read_info, read_placement
 from drapeline.dataset.record import (
     EXTRAS,
@@ -53,13 +53,10 @@ def open_dataset(
     Raises:
         InputError: the folder does not exist or contains no sample, or a body cannot be read.
     """
-    models = {}
-    for gender, body in (bodies or {}).items():
-        if isinstance(body, str | Path):
-            from drapeline.bodies.model import load_body  # here, because few datasets need it
-
-            body = load_body(body)
-        models[gender] = body
+    models = {
+        gender: load_body(body) if isinstance(body, str | Path) else body
+        for gender, body in (bodies or {}).items()
+    }
     return Cloth3D(root, split, bodies=models, rest_turned=rest_turned)
 
 

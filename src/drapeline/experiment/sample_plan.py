@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from drapeline.motions.variation import piece_frames
-from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.garment_types import removable_limbs
 
 
 @dataclass(frozen=True)
@@ -35,5 +35,4 @@ class SamplePlan:
     @property
     def removable(self) -> str:
         """Limbs that the outfit certainly leaves bare, a key of `bodies.animation.REMOVABLE`."""
-        worn = (GARMENT_TYPES[name] for name in self.outfit_type.split("+"))
-        return "hands" if any(garment_type.sleeve_chance for garment_type in worn) else "forearms"
+        return removable_limbs(self.outfit_type.split("+"))

@@ -509,6 +509,7 @@ def _dotted(node: ast.AST) -> str:
     return ""
 
 
+@cache
 def _files_of_others(name: str) -> list[Path]:
     """All files of the package of a `package.module:definition`, unless that is ours."""
     package = name.partition(":")[0].split(".")[0]
@@ -517,7 +518,7 @@ def _files_of_others(name: str) -> list[Path]:
         return []
     folders = [Path(folder) for folder in found.submodule_search_locations or ()]
     files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
-    return files or [Path(str(found.origin))]
+    return files or [Path(origin) for origin in [found.origin] if origin]
 
 
 def _is_ours(module: str) -> bool:

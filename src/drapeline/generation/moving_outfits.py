@@ -16,8 +16,8 @@ from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import SimulatedSheet, move_outfit, simulate_sheets
 from drapeline.geometry.mesh import Mesh
-from drapeline.motions.motion import Motion
-from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.motions.motion import Motion, check_motion, resample
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, removable_limbs
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for
@@ -70,7 +70,8 @@ def simulate(
             random outfit is made; or garment type -> mesh at rest on this very body (pose of
             `SmplicitModel.decode`), root-relative metres, Z up, from the innermost to the
             outermost. Meshes are taken for cotton, and held at the waist of trousers and skirts.
-        motion: at 30 frames per second, as `import_motion` gives it.
+        motion: as `import_motion` gives it; one of another rate is resampled to 30 frames per
+            second.
         body: a body in SMPL's format, or its file; the free one of the gender if None.
         gender: "female" or "male".
         shape: (10,) of the wearer; the mean body if None. One that overlaps itself in the motion
@@ -89,13 +90,11 @@ def simulate(
         InputError: an argument is out of range, the body overlaps itself in this motion, or the
             simulation is out of bounds; names what was found and expected.
     """
-    model = _body(body, gender)
-    record = _put_on(model, motion, gender, shape)
+    worn, model = _garments_of(outfit), _body(body, gender)
     cloth, chosen = _solver(solver), SimulationSettings(**(settings or {}))
     limits = HealthBounds(**(bounds or {}))
+    record = _put_on(model, motion, gender, shape, removable_limbs(worn))
     if isinstance(outfit, str):
-        if outfit not in OUTFIT_TYPES:
-            raise InputError(f"outfit: '{outfit}', expected one of {', '.join(OUTFIT_TYPES)}")
         made = sample_outfit(
             rng_for(seed, "outfit"),
             build_templates(model),
@@ -127,6 +126,18 @@ def simulate(
     )
 
 
+def _garments_of(outfit: str | Mapping[str, Mesh]) -> list[str]:
+    """Types of the garments."""
+    if isinstance(outfit, str):
+        if outfit not in OUTFIT_TYPES:
+            raise InputError(f"outfit: '{outfit}', expected one of {', '.join(OUTFIT_TYPES)}")
+        return outfit.split("+")
+    unknown = [name for name in outfit if name not in GARMENTS]
+    if unknown:
+        raise InputError(f"outfit: '{unknown[0]}', expected one of {', '.join(GARMENTS)}")
+    return list(outfit)
+
+
 def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
     if gender not in GENDERS:
         raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
@@ -136,11 +147,16 @@ def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
 
 
 def _put_on(
-    body: BodyModel, motion: Motion, gender: str, shape: Sequence[float] | np.ndarray | None
+    body: BodyModel,
+    motion: Motion,
+    gender: str,
+    shape: Sequence[float] | np.ndarray | None,
+    removable: str,
 ) -> BodySequence:
     wanted = np.zeros(10) if shape is None else np.asarray(shape, dtype=np.float64)
     if wanted.shape != (10,) or not np.isfinite(wanted).all():
         raise InputError(f"shape: {wanted!r:.100}, expected 10 finite numbers")
+    motion = resample(check_motion(motion))
     record = make_body_sequence(
         body,
         wanted,
@@ -148,6 +164,7 @@ def _put_on(
         motion.trans,
         gender=gender,
         reference_leg_length_m=motion.reference_leg_length_m,
+        removable=removable,
     )
     if record.outcome == "rejected":
         raise InputError(f"{motion.sequence}: {record.reason}")
@@ -167,9 +184,6 @@ def _solver(solver: str | ClothSolver | None) -> ClothSolver:
 
 
 def _sheets(meshes: Mapping[str, Mesh], record: BodySequence) -> dict[str, Mesh]:
-    unknown = [name for name in meshes if name not in GARMENTS]
-    if unknown:
-        raise InputError(f"outfit: '{unknown[0]}', expected one of {', '.join(GARMENTS)}")
     if record.outcome == "thinned":
         raise InputError(
             "shape: the body overlaps itself in this motion and would be made thinner, but these"

@@ -10,10 +10,9 @@ from drapeline.metrics.garment import (
     CONTACT_STEP,
     normal_error_deg,
     shape_measures,
-    surface_distances_mm,
     surface_error_mm,
 )
-from drapeline.metrics.sequence import BodyFrames, inside_means, sequence_measures
+from drapeline.metrics.sequence import BodyFrames, inside_means, sequence_measures, surface_means
 
 
 def measure(
@@ -62,7 +61,7 @@ def _of_mesh(predicted: Mesh, true: Mesh | None, body: Mesh | None) -> dict[str,
             everywhere = np.ones(len(other), dtype=bool)
             measures["surface_error_mm"] = surface_error_mm(one, other, everywhere)
             measures["normal_error_deg"] = normal_error_deg(one, other, true.triangles, everywhere)
-        measures |= _distances([predicted], [true])
+        measures |= surface_means([_split(predicted)], [_split(true)])
     if body is not None:
         measures |= shape_measures(_split(predicted), body.vertices, body.triangles)
     return measures
@@ -77,7 +76,8 @@ def _of_motion(
         truth = _frames("true", true, len(predicted))
         if _alike(predicted[0], true[0]):
             measures |= sequence_measures(garment, truth)
-        measures |= _distances(predicted[::CONTACT_STEP], true[::CONTACT_STEP])
+        some = (map(_split, meshes[::CONTACT_STEP]) for meshes in (predicted, true))
+        measures |= surface_means(*some)
     if body is not None:
         wearer = _frames("body", body, len(predicted))
         measures |= inside_means(garment, BodyFrames(wearer.__getitem__, body[0].triangles))
@@ -97,15 +97,6 @@ def _frames(what: str, meshes: Sequence[Mesh], count: int) -> np.ndarray:
 def _alike(mesh: Mesh, other: Mesh) -> bool:
     same = mesh.faces is other.faces or np.array_equal(mesh.faces, other.faces)
     return same and mesh.vertices.shape == other.vertices.shape
-
-
-def _distances(predicted: Sequence[Mesh], true: Sequence[Mesh]) -> dict[str, float]:
-    both = [
-        surface_distances_mm(_split(one), _split(other))
-        for one, other in zip(predicted, true, strict=True)
-    ]
-    to_true, to_predicted = np.mean(both, axis=0).tolist()
-    return {"predicted_to_true_mm": to_true, "true_to_predicted_mm": to_predicted}
 
 
 def _split(mesh: Mesh) -> Mesh:

@@ -82,15 +82,12 @@ def inside_means(garment: np.ndarray, body: BodyFrames) -> dict[str, float]:
     return {name: float(np.mean([one[name] for one in measures])) for name in measures[0]}
 
 
-def surface_means(garment: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
-    """Distances between surfaces (F, N, 3) of one mesh in every fifth frame, averaged over them.
+def surface_means(predicted: Iterable[Mesh], true: Iterable[Mesh]) -> dict[str, float]:
+    """Distances between surfaces of triangles, averaged over pairs of them.
 
     Vertex errors also count sliding along the surface, which nobody sees.
     """
-    both = [
-        surface_distances_mm(Mesh(garment[frame], faces), Mesh(true[frame], faces))
-        for frame in range(0, len(garment), CONTACT_STEP)
-    ]
+    both = [surface_distances_mm(*pair) for pair in zip(predicted, true, strict=True)]
     to_true, to_predicted = np.mean(both, axis=0).tolist()
     return {"predicted_to_true_mm": to_true, "true_to_predicted_mm": to_predicted}
 
@@ -117,7 +114,8 @@ def sequence_measures(
         measures["vertex_error_mm"] = vertex_error_mm(garment, true)
         measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
         if faces is not None:
-            measures |= surface_means(garment, true, faces)
+            both = garment[::CONTACT_STEP], true[::CONTACT_STEP]
+            measures |= surface_means(*([Mesh(v, faces) for v in some] for some in both))
     if points is not None:
         measures["to_cloud_mm"] = to_cloud_mm(garment, points)
     if body is not None:

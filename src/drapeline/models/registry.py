@@ -91,6 +91,37 @@ class Figure(NamedTuple):
     default: bool = True
 
 
+def figure(
+    run: str,
+    given: Mapping[str, str | Sequence[str]],
+    told: Mapping[str, Any],
+    *,
+    seconds: float = 600,
+    megabytes: float = 2000,
+    environment: str = "train",
+    checks: Sequence[Callable[[], None]] = (),
+    modules: Sequence[str] = (),
+    default: bool = True,
+    **output: ReportFile | str,
+) -> Figure:
+    """A `Figure` from the parts of its task."""
+    task = Task(run, given, told, seconds, megabytes, checks, modules, environment)
+    return Figure(task, output, default)
+
+
+def page(
+    run: str,
+    given: Mapping[str, str | Sequence[str]],
+    told: Mapping[str, Any],
+    *,
+    default: bool = True,
+    **output: ReportFile | str,
+) -> Figure:
+    """The same of tables and curves, which take hardly anything."""
+    cost = {"seconds": 60.0, "megabytes": 300.0}
+    return figure(run, given, told, **cost, environment="report", default=default, **output)
+
+
 class ModelPlan(NamedTuple):
     """What an experiment does with a model, each task by the folder that it leaves.
 

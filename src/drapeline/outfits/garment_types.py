@@ -38,6 +38,14 @@ GARMENTS = tuple(GARMENT_TYPES)
 BODY = "Body"
 LABELS = (BODY, *GARMENTS)  # the label of a point is an index into this
 SKIRTS = tuple(name for name, garment_type in GARMENT_TYPES.items() if garment_type.skirt)
+
+
+def removable_limbs(garments: Iterable[str]) -> str:
+    """Limbs that garments certainly leave bare, a key of `bodies.animation.REMOVABLE`."""
+    sleeves = any(GARMENT_TYPES[name].sleeve_chance for name in garments)
+    return "hands" if sleeves else "forearms"
+
+
 # Every combination of garment types that makes an outfit. Plans depend on the order.
 OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
 # With this list, all types of garments are worn equally often.

@@ -1,5 +1,7 @@
 """Clothes on a toy body in motion, by one call, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,11 +10,13 @@ from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.generation.moving_outfits import simulate
 from drapeline.geometry.mesh import Mesh
-from drapeline.motions.motion import Motion
+from drapeline.motions.motion import Motion, interpolate
+from toys.bounds import NO_BOUNDS
 from toys.smplicit import tube
 
 SETTINGS = {"steps_min": 6, "steps_max": 6, "pose_frames": 2, "attempts": 1}
-LOOSE = {"inside_share_max": 1, "inside_share_mean": 1, "depth_m": 1, "stretch_low": 0}
+
+NOTHING = Motion(np.zeros((0, 72)), np.zeros((0, 3)), 30.0, "", "", "", "nothing")
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +34,9 @@ def skirt():
 
 
 def move(skirt, motion, body, **changes):
-    return simulate({"Skirt": skirt}, motion, body, settings=SETTINGS, bounds=LOOSE, **changes)
+    return simulate(
+        {"Skirt": skirt}, motion, body, settings=SETTINGS, bounds=NO_BOUNDS.plain(), **changes
+    )
 
 
 def test_cloth_and_body_move_together(toy_body, motion, skirt):
@@ -46,12 +52,21 @@ def test_cloth_and_body_move_together(toy_body, motion, skirt):
     change = sheet.frames[-1].vertices - skirt.vertices
     assert np.linalg.norm(change[skirt.vertices[:, 2] > 0.01], axis=1).max() < 0.02
     assert np.linalg.norm(change, axis=1).max() < 0.3
+    assert np.linalg.norm(change[skirt.vertices[:, 2] < -0.4], axis=1).max() > 1e-3
 
 
 def test_the_same_arguments_give_the_same_frames(toy_body, motion, skirt):
-    one, other = (move(skirt, motion, toy_body, edge_length_m=0.03) for _ in range(2))
+    one, other = (move(skirt, motion, toy_body, edge_length_m=0.06) for _ in range(2))
+    assert len(one.garments["Skirt"].rest.vertices) < 0.6 * len(skirt.vertices)  # coarser
     for frame, again in zip(*(w.garments["Skirt"].frames for w in (one, other)), strict=True):
         assert (frame.vertices == again.vertices).all()
+
+
+def test_a_motion_of_another_rate_takes_as_long_as_it_does(toy_body, motion, skirt):
+    twice = interpolate(motion.poses, motion.trans, np.arange(4) / 30, np.arange(7) / 60)
+    worn = move(skirt, replace(motion, poses=twice[0], trans=twice[1], fps=60.0), toy_body)
+    assert len(worn.poses) == 4
+    np.testing.assert_allclose(worn.poses, move(skirt, motion, toy_body).poses, atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -62,6 +77,7 @@ def test_the_same_arguments_give_the_same_frames(toy_body, motion, skirt):
         ({"gender": "none"}, "gender: 'none', expected one of female, male"),
         ({"solver": "fem"}, "solver: 'fem', expected one of blender, xpbd"),
         ({"shape": [0.0] * 9}, "shape: .*expected 10 finite numbers"),
+        ({"motion": NOTHING}, "holds 0 frames"),
         ({"settings": {"step_min": 3}}, "did you mean steps_min"),
     ],
 )

@@ -92,7 +92,7 @@ def test_no_benchmark_gives_an_empty_table_and_a_figure_that_says_so(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("s\tcpu_time\n1\t1\n", r"x.tsv: lacks columns? max_rss"),
+        ("s\tcpu_time\n1\t1\n", "x.tsv: lacks column max_rss, mean_load; it has s, cpu_time"),
         (HEADER + "fast" + "\t0" * 9 + "\n", "x.tsv: line 2: s is 'fast', expected a number"),
     ],
 )

@@ -7,7 +7,16 @@ from typing import Any
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.models.garment4d.settings import Garment4dSettings, posed_variants
-from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
+from drapeline.models.registry import (
+    EvaluationTask,
+    Figure,
+    Model,
+    ModelPlan,
+    ReportFile,
+    Task,
+    figure,
+    page,
+)
 from drapeline.models.training.settings import override_settings
 
 _HERE = "drapeline.models.garment4d"
@@ -274,63 +283,66 @@ class _Garment4dTasks:
         return {
             "tabulate_garment4d": self._tables("metrics", "garment4d_metrics"),
             "tabulate_garment4d_ablations": self._tables(
-                _ABLATIONS, "garment4d_ablations"
-            )._replace(default=False),
-            "plot_garment4d_steps": _figure(
+                _ABLATIONS, "garment4d_ablations", default=False
+            ),
+            "plot_garment4d_steps": figure(
                 f"{_PAGES}.figures:plot_reconstructions",
                 reconstructions,
                 rays,
+                environment="report",
                 steps=steps("steps.png", "figure 4: from points to the garment"),
                 results=steps("results.png", "figure 5: reconstructions"),
             ),
-            "animate_garment4d": _figure(
+            "animate_garment4d": figure(
                 f"{_PAGES}.figures:animate_reconstruction",
                 reconstructions,
                 rays,
+                environment="report",
                 picture=steps("moving.png", "a reconstruction in motion"),
             ),
-            "plot_garment_spaces": _figure(
+            "plot_garment_spaces": figure(
                 f"{_PAGES}.figures:plot_spaces",
                 self.own.sequences,
                 rays,
+                environment="report",
                 explained=spaces("explained.svg", "variance of the principal components"),
                 modes=spaces("modes.png", "the first principal components"),
             ),
-            "plot_skinning": _figure(
+            "plot_skinning": figure(
                 f"{_HERE}.figures:plot_skinning",
                 {**self.files.bodies, "data": self.own.sequences[self._shown_garment()]},
                 {"skinning": self.settings["skinning"], **rays},
-                environment="train",
                 picture=_shown(
                     "garment4d_skinning",
                     "skinning.png",
                     "figure 7: K = 1 against interpolated skinning",
                 ),
             ),
-            "plot_garment4d_curves": _figure(
+            "plot_garment4d_curves": page(
                 f"{_PAGES}.figures:plot_curves",
                 {"metrics": self.files.metrics(_ABLATIONS)},
                 {"garment": self._shown_garment()},
-                environment="report",
+                default=False,
                 **{
                     name: _shown("garment4d_curves", f"{name}.svg", title)
                     for name, title in _CURVES.items()
                 },
-            )._replace(default=False),
+            ),
         }
 
     def _shown_garment(self) -> str:
         """In figures of a single type; skirts move most."""
         return "Skirt" if "Skirt" in self.garments else self.garments[0]
 
-    def _tables(self, table: str, name: str) -> Figure:
-        made = _figure(
+    def _tables(self, table: str, name: str, *, default: bool = True) -> Figure:
+        return page(
             f"{_PAGES}.tables:tabulate",
             {"metrics": self.files.metrics(table), "fits": self.own.learnt_fits},
             {"departures": self._departures()},
+            default=default,
             page=ReportFile(f"{name}.html", f"tables 2 to 4 ({table})", "garment4d_tables"),
+            table=f"{name}_beside_paper.tsv",
         )
-        return made._replace(output={**made.output, "table": f"{name}_beside_paper.tsv"})
 
     def _departures(self) -> list[str]:
         """Settings by which the experiment's models depart from the paper's."""
@@ -369,17 +381,6 @@ def _shown(caption: str, name: str, title: str) -> ReportFile:
     return ReportFile(f"garment4d_{name}", title, caption)
 
 
-def _figure(
-    run: str,
-    given: Mapping[str, Any],
-    told: Mapping[str, Any],
-    environment: str = "report",
-    **output: ReportFile,
-) -> Figure:
-    task = Task(run, given, told, seconds=600, megabytes=1000, environment=environment)
-    return Figure(task, output)
-
-
 def _plan(files: ExperimentFiles) -> ModelPlan:
     tasks = _Garment4dTasks(files)
     return ModelPlan(
@@ -388,7 +389,7 @@ def _plan(files: ExperimentFiles) -> ModelPlan:
         evaluations=tasks.evaluations(),
         figures=tasks.figures(),
         targets=tasks.targets(),
-        priority=1,  # the longest chain after samples
+        priority=1,  # the longest chain after samples, and what compares it with others
     )
 
 

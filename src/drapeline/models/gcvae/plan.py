@@ -13,7 +13,16 @@ from drapeline.models.gcvae.settings import (
     dynamic_conditions,
     pooling_of,
 )
-from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
+from drapeline.models.registry import (
+    EvaluationTask,
+    Figure,
+    Model,
+    ModelPlan,
+    ReportFile,
+    Task,
+    figure,
+    page,
+)
 from drapeline.models.training.settings import override_settings
 
 _HERE = "drapeline.models.gcvae"
@@ -56,17 +65,20 @@ class _GcvaeTasks:
         }
 
     def _conditioning(self, model: str) -> dict[str, Any]:
-        """Settings of the autoencoder of the svae's or the dvae's conditions."""
+        """What the autoencoder of the svae's or the dvae's conditions is told."""
         return {
-            "condition": self.settings[model]["network"]["condition"],
-            "training": {**self.settings["conditioning"], "seed": self.seed},
+            "settings": {
+                "condition": self.settings[model]["network"]["condition"],
+                "training": {**self.settings["conditioning"], "seed": self.seed},
+            },
+            "trainer": {"accelerator": "cpu", "devices": 1},  # too small for anything else
         }
 
     def _conditioning_static(self) -> Task:
         return Task(
             f"{_HERE}.train:train_svae_conditioning",
             {"data": self.files.static},
-            {"settings": self._conditioning("svae")},
+            self._conditioning("svae"),
             seconds=6 * self.files.static_size,
             megabytes=2000,
             checks=[self.files.resting_in("train", "val")],
@@ -76,7 +88,7 @@ class _GcvaeTasks:
         return Task(
             f"{_HERE}.train:train_dvae_conditioning",
             {"data": self.files.dynamic(version), "static": self.static},
-            {"settings": self._conditioning("dvae"), "frames": frames},
+            {**self._conditioning("dvae"), "frames": frames},
             seconds=10 * self.files.moving_size,
             megabytes=2000,
             checks=[self.files.moving_in("train", "val")],
@@ -318,18 +330,16 @@ class _GcvaeTasks:
         rays = {"rays": self.files.config["renders"]["rays"]}
         return {
             "tabulate_gcvae": self._tables("metrics", "gcvae_metrics"),
-            "tabulate_gcvae_ablations": self._tables(_ABLATIONS, "gcvae_ablations")._replace(
-                default=False
-            ),
-            "plot_gcvae_samples": self._plot(
-                "plot_sampled",
+            "tabulate_gcvae_ablations": self._tables(_ABLATIONS, "gcvae_ablations", default=False),
+            "plot_gcvae_samples": figure(
+                f"{_HERE}.figures:plot_sampled",
                 {**bodies, "samples": f"{self.folder}/sampled"},
                 {"shown": 24, **rays},
                 picture=ReportFile("gcvae_samples.png", "sampled garments", "gcvae_samples"),
             ),
             **{
-                f"plot_gcvae_codes_{name}": self._plot(
-                    "plot_evaluated_codes",
+                f"plot_gcvae_codes_{name}": figure(
+                    f"{_HERE}.figures:plot_evaluated_codes",
                     {"evaluated": f"{evaluated}/{name}"},
                     {},
                     picture=ReportFile(
@@ -340,8 +350,8 @@ class _GcvaeTasks:
                 )
                 for name in ("svae", STATIC_PPCA)
             },
-            "plot_gcvae_walks": self._plot(
-                "plot_walks",
+            "plot_gcvae_walks": figure(
+                f"{_HERE}.figures:plot_walks",
                 {**bodies, "model": model, "evaluated": codes, "data": self.files.static},
                 {"steps": 7, "frames": 24, **rays},
                 sheet=ReportFile("gcvae_walks.png", "figure 9: transitions", "gcvae_walks"),
@@ -349,8 +359,8 @@ class _GcvaeTasks:
                     "gcvae_walk_moving.png", "figure 9: a transition in motion", "gcvae_walks"
                 ),
             ),
-            "plot_gcvae_errors": self._plot(
-                "plot_errors",
+            "plot_gcvae_errors": figure(
+                f"{_HERE}.figures:plot_errors",
                 {
                     **moving,
                     "svae": model,
@@ -364,8 +374,8 @@ class _GcvaeTasks:
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
-            "plot_gcvae_wrinkles": self._plot(
-                "plot_wrinkles",
+            "plot_gcvae_wrinkles": figure(
+                f"{_HERE}.figures:plot_wrinkles",
                 moving,
                 {"frames": frames, "columns": 6, "seed": self.seed, **rays},
                 picture=ReportFile(
@@ -374,40 +384,14 @@ class _GcvaeTasks:
             ),
         }
 
-    def _tables(self, table: str, name: str) -> Figure:
-        return Figure(
-            Task(
-                "drapeline.report.models.gcvae.tables:tabulate",
-                {"metrics": self.files.metrics(table)},
-                {},
-                seconds=60,
-                megabytes=300,
-                environment="report",
-            ),
-            {
-                "page": ReportFile(f"{name}.html", f"tables 3 and 4 ({table})", "gcvae_tables"),
-                "table": f"{name}_beside_paper.tsv",
-            },
-        )
-
-    def _plot(
-        self,
-        run: str,
-        given: Mapping[str, Any],
-        told: Mapping[str, Any],
-        checks: list[Any] | None = None,
-        **output: ReportFile,
-    ) -> Figure:
-        return Figure(
-            Task(
-                f"{_HERE}.figures:{run}",
-                given,
-                told,
-                seconds=600,
-                megabytes=2000,
-                checks=checks or [],
-            ),
-            output,
+    def _tables(self, table: str, name: str, *, default: bool = True) -> Figure:
+        return page(
+            "drapeline.report.models.gcvae.tables:tabulate",
+            {"metrics": self.files.metrics(table)},
+            {},
+            default=default,
+            page=ReportFile(f"{name}.html", f"tables 3 and 4 ({table})", "gcvae_tables"),
+            table=f"{name}_beside_paper.tsv",
         )
 
     def targets(self) -> dict[str, list[str]]:

@@ -1,12 +1,21 @@
 """What an experiment does with SMPLicit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.models.registry import EvaluationTask, Figure, Model, ModelPlan, ReportFile, Task
+from drapeline.models.registry import (
+    EvaluationTask,
+    Figure,
+    Model,
+    ModelPlan,
+    ReportFile,
+    Task,
+    figure,
+    page,
+)
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.models.smplicit.settings import SmplicitSettings
 
@@ -247,14 +256,13 @@ class _SmplicitTasks:
         """Held-out garments, those in pictures, and the gallery."""
         evaluated = f"{self.folder}/evaluated"
         found = {
-            "tabulate_smplicit": self._figure(
+            "tabulate_smplicit": page(
                 f"{_PAGES}.tables:tabulate",
                 {"metrics": self.files.metrics("metrics")},
                 {},
-                "report",
                 page=_shown("metrics.html", "held-out garments through their codes"),
             ),
-            "plot_smplicit": self._figure(
+            "plot_smplicit": figure(
                 f"{_HERE}.figures:plot_held_out",
                 {
                     "models": self.own.models,
@@ -267,26 +275,27 @@ class _SmplicitTasks:
             ),
         }
         if any(self._pictured()):
-            found["plot_fit_images"] = self._figure(
+            found["plot_fit_images"] = figure(
                 f"{_PAGES}.figures:plot_evaluated_pictures",
                 {"evaluated": f"{evaluated}/images"},
                 {"most": 8, **self.rays},
-                "report",
+                environment="report",
                 picture=_shown("images.png", "garments found in pictures of held-out samples"),
             )
-        shown = {
+        return {
+            **found,
             **{f"plot_smplicit_gallery_{name}": self._sheets(name) for name in FIELD_MODELS},
             **{f"pose_smplicit_{name}": self._pose(name) for name in FIELD_MODELS},
             "tabulate_smplicit_gallery": self._codes(),
         }
-        return {**found, **{name: one._replace(default=False) for name, one in shown.items()}}
 
     def _sheets(self, name: str) -> Figure:
-        return self._figure(
+        return figure(
             f"{_HERE}.figures:plot_sheets",
             {**self.files.bodies, "gallery": f"{self.folder}/gallery/{name}"},
             self.rays,
-            environment="train",
+            seconds=1200,
+            default=False,
             **{
                 sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
                 for sheet, title in _SHEETS.items()
@@ -297,7 +306,7 @@ class _SmplicitTasks:
         config, gallery = self.files.config, self.gallery
         sample = gallery["sample"] or next(iter(self.files.moving_plans), "")
         place = self.files.places.get(sample, {"group": "", "shard": ""})
-        drawn = self._figure(
+        return figure(
             f"{_HERE}.figures:pose_garment",
             {
                 "model": f"{self.folder}/{name}",
@@ -315,13 +324,14 @@ class _SmplicitTasks:
                 "meshing": self.settings["meshing"],
                 **self.rays,
             },
+            seconds=1200,
+            checks=[self._require_gallery_sample],
+            modules=[self.files.hanging_solver],
+            default=False,
             sheet=_shown(f"{name}_posed.png", f"a garment posed ({name})", "posed"),
             moving=_shown(f"{name}_moving.png", f"a garment in motion ({name})", "posed"),
+            scene=f"smplicit_{name}.glb",
         )
-        task = drawn.task._replace(
-            modules=[self.files.hanging_solver], checks=[self._require_gallery_sample]
-        )
-        return Figure(task, {**drawn.output, "scene": f"smplicit_{name}.glb"})
 
     def _require_gallery_sample(self) -> None:
         """Check that there is the sample whose motion garments are put on."""
@@ -333,25 +343,14 @@ class _SmplicitTasks:
             )
 
     def _codes(self) -> Figure:
-        drawn = self._figure(
+        return page(
             f"{_PAGES}.tables:tabulate_gallery",
             {"galleries": [f"{self.folder}/gallery/{name}" for name in self.gallery["models"]]},
             {"models": self.gallery["models"]},
-            "report",
+            default=False,
             page=_shown("codes.html", "what codes say about garments"),
+            table="smplicit_correlations.tsv",
         )
-        return drawn._replace(output={**drawn.output, "table": "smplicit_correlations.tsv"})
-
-    def _figure(
-        self,
-        run: str,
-        given: Mapping[str, Any],
-        told: Mapping[str, Any],
-        environment: str = "train",
-        **output: ReportFile,
-    ) -> Figure:
-        task = Task(run, given, told, seconds=600, megabytes=2000, environment=environment)
-        return Figure(task, output)
 
     def targets(self) -> dict[str, list[str]]:
         """Garments sampled, interpolated, edited and posed; and those found in pictures."""

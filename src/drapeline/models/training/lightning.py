@@ -228,9 +228,8 @@ class TrainingRun(NamedTuple):
 
     @classmethod
     def of(cls, job: Job) -> "TrainingRun":
-        """A job's, whose params have the `trainer`'s options, unless it takes one processor."""
-        trainer = getattr(job.params, "trainer", {"accelerator": "cpu", "devices": 1})
-        return cls(job.output[0], job.progress, job.code, job.threads, trainer)
+        """A job's, whose params have the `trainer`'s options."""
+        return cls(job.output[0], job.progress, job.code, job.threads, job.params.trainer)
 
 
 def fit(

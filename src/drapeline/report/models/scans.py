@@ -13,8 +13,7 @@ from drapeline.metrics.registry import variants
 from drapeline.outfits.garment_types import LABELS
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card
-from drapeline.report.models.garment4d.figures import spread_frames
-from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, worn_parts
+from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, spread_frames, worn_parts
 from drapeline.rule_log import progress
 
 OWN = "own"

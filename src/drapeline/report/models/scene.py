@@ -8,8 +8,9 @@ import numpy as np
 from trimesh.creation import icosahedron
 
 from drapeline.dataset.scene_part import BODY_COLOUR
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.outfits.garment_types import GARMENTS, LABELS
+from drapeline.outfits.garment_types import BODY, GARMENTS, LABELS
 from drapeline.rendering.camera import Camera, look_at, view_direction
 from drapeline.rendering.pictures import GridCell, heat_parts, save_grid
 from drapeline.rendering.raytracer import BACKDROP, ColouredMesh, raytrace
@@ -38,17 +39,31 @@ def draw(meshes: Mapping[str, Mesh], size: tuple[int, int] = PICTURE_SIZE) -> np
         size: width and height of the picture, pixels.
 
     Returns:
-        (height, width, 3) uint8. The floor is at the lowest vertex.
+        (height, width, 3) uint8. The floor is at the lowest vertex; empty meshes are left out.
+
+    Raises:
+        InputError: a name is of no garment type, or nothing is left to draw.
     """
-    vertices = [mesh.vertices for mesh in meshes.values()]
+    for name in meshes:
+        if name not in LABELS:
+            raise InputError(f"draw: '{name}', expected one of {', '.join(LABELS)}")
+    parts = _coloured(meshes)
+    if not parts:
+        raise InputError("draw: no mesh has a face, expected one or more to draw")
+    vertices = [part.vertices for part in parts]
     floor = float(min(part[:, 2].min() for part in vertices))
-    parts = [
+    return fit_scene(Scene(floor_z=floor), vertices, size).picture(parts, size)
+
+
+def _coloured(meshes: Mapping[str, Mesh]) -> list[ColouredMesh]:
+    """Meshes by label, in the colours of their types; empty ones are left out."""
+    return [
         ColouredMesh(
-            mesh.vertices, mesh.faces, garment_colour(name) if name in GARMENTS else BODY_COLOUR
+            mesh.vertices, mesh.faces, BODY_COLOUR if name == BODY else garment_colour(name)
         )
         for name, mesh in meshes.items()
+        if len(mesh.faces)
     ]
-    return fit_scene(Scene(floor_z=floor), vertices, size).picture(parts, size)
 
 
 @dataclass(frozen=True)
@@ -80,6 +95,12 @@ class Scene:
         lift = np.array([0.0, 0.0, -self.floor_z])
         lifted = [replace(part, vertices=part.vertices + lift) for part in parts]
         return raytrace(lifted, self.camera(size), floor_centre=self.target[:2], samples=samples)
+
+
+def spread_frames(count: int, shown: int) -> list[int]:
+    """Indices of at most `shown` of `count` frames, evenly spread."""
+    shown = min(shown, count)
+    return [round((k + 0.5) * count / shown - 0.5) for k in range(shown)]
 
 
 def fit_scene(
@@ -114,11 +135,7 @@ def share_scale(scenes: Sequence[Scene]) -> list[Scene]:
 
 def worn_parts(wearer: Mesh, garments: Mapping[str, Mesh]) -> list[ColouredMesh]:
     """A body in garments (type -> mesh) of their types' colours; empty meshes are left out."""
-    return [ColouredMesh(wearer.vertices, wearer.faces, BODY_COLOUR)] + [
-        ColouredMesh(mesh.vertices, mesh.faces, garment_colour(garment))
-        for garment, mesh in garments.items()
-        if len(mesh.faces)
-    ]
+    return _coloured({BODY: wearer, **garments})
 
 
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.garment_types import LABELS
 from drapeline.rendering.pictures import heat_parts
@@ -130,4 +131,15 @@ def test_a_drawn_garment_has_its_own_colour():
     assert skirt.dtype == np.uint8
     differs = (skirt != dress).any(axis=2)
     assert 0.05 < differs.mean() < 0.9  # the cloth, and not what is behind it
-    assert (draw({"Body": mesh}, (60, 80)) == draw({"Somebody": mesh}, (60, 80))).all()
+    assert (draw({"Body": mesh}, (60, 80)) != skirt).any()
+
+
+def test_what_cannot_be_drawn_is_refused():
+    empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    for meshes, sentence in (
+        ({"Cape": empty}, "'Cape', expected one of Body, Tshirt"),
+        ({"Skirt": empty}, "no mesh has a face"),
+        ({}, "no mesh has a face"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            draw(meshes)

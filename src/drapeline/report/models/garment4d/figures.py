@@ -29,7 +29,14 @@ from drapeline.rendering.pictures import (
 )
 from drapeline.rendering.raytracer import ColouredMesh, ray_share
 from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY, garment_colour
-from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale, worn_parts
+from drapeline.report.models.scene import (
+    Scene,
+    cloud_parts,
+    fit_scene,
+    share_scale,
+    spread_frames,
+    worn_parts,
+)
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 from drapeline.report.tables import read_test_metrics
 from drapeline.rule_log import progress
@@ -113,12 +120,6 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1
         shown = [scene.picture(each, _MOVING_SIZE, samples=8) for each in parts]
         pictures.append(join_pictures(shown, columns[: len(shown)]))
     save_animation(path, pictures, frame_ms)
-
-
-def spread_frames(count: int, shown: int) -> list[int]:
-    """Indices of at most `shown` of `count` frames, evenly spread."""
-    shown = min(shown, count)
-    return [round((k + 0.5) * count / shown - 0.5) for k in range(shown)]
 
 
 def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list[GridCell | None]:

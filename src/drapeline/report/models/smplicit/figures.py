@@ -35,13 +35,13 @@ from drapeline.rendering.pictures import (
 )
 from drapeline.rendering.raytracer import ray_share, raytrace
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.garment4d.figures import spread_frames
 from drapeline.report.models.scene import (
     GarmentPicture,
     Scene,
     fit_scene,
     plot_views,
     share_scale,
+    spread_frames,
     view_picture,
     wearer_view,
     worn_parts,

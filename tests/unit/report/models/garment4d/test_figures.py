@@ -21,11 +21,10 @@ from drapeline.report.models.garment4d.figures import (
     plot_neighbours,
     plot_results,
     plot_steps,
-    spread_frames,
     step_cells,
     worst_place,
 )
-from drapeline.report.models.scene import Scene
+from drapeline.report.models.scene import Scene, spread_frames
 from drapeline.seeding import rng_for
 from toys.gcvae import tube, tube_faces
 
