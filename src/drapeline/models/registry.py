@@ -118,8 +118,8 @@ def page(
     **output: ReportFile | str,
 ) -> Figure:
     """The same of tables and curves, which take hardly anything."""
-    cost = {"seconds": 60.0, "megabytes": 300.0}
-    return figure(run, given, told, **cost, environment="report", default=default, **output)
+    task = Task(run, given, told, seconds=60, megabytes=300, environment="report")
+    return Figure(task, output, default)
 
 
 class ModelPlan(NamedTuple):

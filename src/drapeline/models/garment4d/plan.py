@@ -323,10 +323,11 @@ class _Garment4dTasks:
                 {"metrics": self.files.metrics(_ABLATIONS)},
                 {"garment": self._shown_garment()},
                 default=False,
-                **{
+            )._replace(
+                output={
                     name: _shown("garment4d_curves", f"{name}.svg", title)
                     for name, title in _CURVES.items()
-                },
+                }
             ),
         }
 

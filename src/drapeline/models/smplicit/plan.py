@@ -290,17 +290,17 @@ class _SmplicitTasks:
         }
 
     def _sheets(self, name: str) -> Figure:
+        sheets = {
+            sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
+            for sheet, title in _SHEETS.items()
+        }
         return figure(
             f"{_HERE}.figures:plot_sheets",
             {**self.files.bodies, "gallery": f"{self.folder}/gallery/{name}"},
             self.rays,
             seconds=1200,
             default=False,
-            **{
-                sheet: _shown(f"{name}_{sheet}.png", f"{title} ({name})", sheet)
-                for sheet, title in _SHEETS.items()
-            },
-        )
+        )._replace(output=sheets)
 
     def _pose(self, name: str) -> Figure:
         config, gallery = self.files.config, self.gallery
