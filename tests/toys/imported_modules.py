@@ -1,7 +1,12 @@
-"""What a file's text imports."""
+"""What a file's text imports, and what a program loads."""
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[2] / "src"
 
 
 def imported_modules(text: str) -> Iterator[str]:
@@ -20,3 +25,15 @@ def imported_modules(text: str) -> Iterator[str]:
                 pass
             case _:
                 waiting += ast.iter_child_nodes(node)
+
+
+def loaded_modules(program: str) -> set[str]:
+    """Modules that a process of its own has loaded after a program."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE)},
+    )
+    return set(done.stdout.split())

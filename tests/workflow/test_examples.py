@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import fill_settings
+from toys.plans import files_of
 from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT, snakemake
 
@@ -71,7 +72,8 @@ def test_examples_plan_the_dataset_and_nothing_else(jobs, name, clips, samples):
 
 def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     planned = jobs("scans")
-    assert planned["simulate_outfits"] == 6 + 6  # samples by Blender, and shards of others
+    moving = files_of("config.yaml").moving
+    assert planned["simulate_outfits"] == sum(len(group.shards) for group in moving)
     assert planned["reconstruct_garment"] == 1
     assert planned["train"] == 2  # the canonical stage and the posed one
 

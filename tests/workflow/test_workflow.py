@@ -5,6 +5,7 @@ import re
 import pytest
 import yaml
 
+from toys.plans import files_of
 from toys.snakemake_run import snakemake
 
 CONFIGS = [
@@ -131,7 +132,9 @@ def test_a_table_of_ones_own_means_all_its_rows(project, tmp_path):
 
 def test_configs_are_laid_over_one_another_only_where_the_user_names_them(project, tmp_path):
     config = with_settings(tmp_path, groups={"dataset": {"count": 20}})[-1]
-    for configs, clips, samples in (([config], 15, 20), (["config.yaml", config], 8, 22)):
+    others = [len(group.shards) for group in files_of("config.yaml").published[1:]]
+    both = ["config.yaml", config]
+    for configs, clips, samples in (([config], 15, 20), (both, 8, 20 + sum(others))):
         run = snakemake(project, "dataset", "--dry-run", "--configfile", *configs)
         assert run.returncode == 0, run.stderr
         assert re.search(rf"^import_motion +{clips}$", run.stdout + run.stderr, re.MULTILINE)

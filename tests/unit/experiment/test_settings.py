@@ -1,5 +1,3 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,21 +8,14 @@ from drapeline.experiment.config import fill_settings
 from drapeline.experiment.settings import experiment_with
 from drapeline.models.registry import models
 from drapeline.settings import Field, Settings
+from toys.imported_modules import loaded_modules
 
 ROOT = Path(__file__).parents[3]
 MODELS = {name: model.settings for name, model in models().items()}
 
 
 def test_settings_load_nothing_that_takes_long():
-    program = "import sys, drapeline.experiment.settings\nprint(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(ROOT / "src")},
-    )
-    loaded = set(done.stdout.split())
+    loaded = loaded_modules("import drapeline.experiment.settings")
     assert not loaded & {"torch", "bpy", "scipy", "warp", "trimesh", "pandas", "snakemake"}
 
 

@@ -3,7 +3,6 @@
 import importlib
 import inspect
 import json
-import subprocess
 import sys
 from importlib.metadata import EntryPoint
 from types import SimpleNamespace
@@ -15,7 +14,7 @@ from drapeline.job import resolve
 from drapeline.models import compare, contract, registry
 from drapeline.models.registry import Model, ModelPlan, models
 from drapeline.settings import Settings
-from toys.imported_modules import imported_modules
+from toys.imported_modules import imported_modules, loaded_modules
 from toys.plans import files_of, tasks_of
 from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT
@@ -66,17 +65,7 @@ def test_a_model_has_its_block_of_the_schema(model):
 
 
 def test_plans_load_nothing_that_takes_long():
-    program = (
-        "import sys\nfrom drapeline.models.registry import models\nmodels()\nprint(*sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(ROOT / "src")},
-    )
-    loaded = set(done.stdout.split())
+    loaded = loaded_modules("from drapeline.models.registry import models\nmodels()")
     assert not loaded & {"torch", "bpy", "warp", "trimesh", "pandas", "matplotlib", "snakemake"}
 
 
