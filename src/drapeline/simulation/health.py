@@ -7,13 +7,13 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
+from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.mesh import edges, triangulate
-from drapeline.geometry.moving_surface import MovingSheet, MovingSurface, SelfCrossings
+from drapeline.geometry.moving_surface import MovingSheet, MovingSurface
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
 from drapeline.simulation.settings import HealthBounds
 
-_SELF_EVERY = 10  # frames between counts of self-intersections
 _LAYER_REACH_M = 0.03
 _FOLLOWED = 200
 _NEAR_M = 0.04
@@ -45,7 +45,8 @@ class HealthMonitor:
         self._faces = body_faces
         self._surface: MovingSurface | None = None
         self._sheets: list[MovingSheet] = []
-        self._crossings: list[SelfCrossings] = []
+        self._crossings: Crossings | None = None
+        self._faces_of = [g.faces for g in garments]
         self._triangles = [triangulate(g.faces) for g in garments]
         self._edges = [_watched_edges(g) for g in garments]
         self._rows: list[dict[str, list[float]]] = []
@@ -66,8 +67,8 @@ class HealthMonitor:
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
-            self._crossings = list(map(SelfCrossings, cloths, self._triangles))
-        index = len(self._rows)
+            self._crossings = Crossings(cloths, self._faces_of)
+        crossing, across = self._crossings.find(cloths)
         row: dict[str, list[float]] = {}
         sheets = self._inner_layers(cloths)
         distance, inside = self._surface_at(body).locate(np.concatenate(cloths))
@@ -83,9 +84,9 @@ class HealthMonitor:
                 (float(sheet.beneath(cloth, _LAYER_REACH_M).mean()) for sheet in sheets[:g]),
                 default=0.0,
             )
-            values["self_share"] = (
-                self._crossings[g].share(cloth) if index % _SELF_EVERY == 0 else np.nan
-            )
+            values["self_share"] = float(crossing[g] / self._crossings.edge_counts[g])
+            values["self_crossings"] = float(crossing[g])
+            values["layer_crossings"] = float(across[g])
             values["acceleration_m_s2"] = np.nan
             for name, value in values.items():
                 row.setdefault(name, []).append(value)
@@ -172,6 +173,8 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
         "slip_m": float(arrays["slip_m"].max()),
         "layer_share_mean": float(mean["layer_share"].max()),
         "self_share_mean": float(mean["self_share"].max()),
+        "self_crossings_max": float(arrays["self_crossings"].max()),
+        "layer_crossings_max": float(arrays["layer_crossings"].max()),
         "acceleration_m_s2": float(mean["acceleration_m_s2"].max()),
         "gap_p05_m": float(mean["gap_p05_m"].min()),
     }

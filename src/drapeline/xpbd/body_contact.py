@@ -400,6 +400,12 @@ class BodySurface:
         """Vertices (B, 3) at both ends of the frame, and their normals at its end."""
         return self._start, self._end, self._end_normals
 
+    @property
+    def anchors(self) -> list[wp.array]:
+        """What is known of the nearest points of all vertices, to be kept and put back."""
+        places = [self.from_place, self.to_place, self.from_normal, self.to_normal]
+        return [self.anchor, self.strange, self._weights, self._away, *places]
+
     def _find_normals(self) -> None:
         wp.launch(
             _find_normals,

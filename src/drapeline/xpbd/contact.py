@@ -152,6 +152,94 @@ def move(
         wp.atomic_add(moves.weight, i, int(wp.abs(weight) * _PER_WEIGHT))
 
 
+@wp.struct
+class Near:
+    """What each vertex, or edge, is near to.
+
+    Attributes:
+        count: (N,) of them; the rest is of each of all of them.
+        other: (N, K) their numbers, -1 for none.
+        room_m: (N, K) how far from it they are at rest, at least; much if of another garment.
+        due: (N, K) the small step of the frame from which it may touch them.
+        soon: (N,) the least of these.
+    """
+
+    count: wp.array[int]
+    other: wp.array2d[int]
+    room_m: wp.array2d[float]
+    due: wp.array2d[int]
+    soon: wp.array[int]
+
+
+@wp.struct
+class Meetings:
+    """Those of them that it may touch in a small step, as they are when it begins.
+
+    Attributes:
+        count, other: as of `Near`.
+        way: (N, K) direction from the other's closest point, and the gap that is to be kept.
+        at: (N, K) weights of the closest points, and how far apart they are.
+    """
+
+    count: wp.array[int]
+    other: wp.array2d[int]
+    way: wp.array2d[wp.vec4]
+    at: wp.array2d[wp.vec4]
+
+
+def make_near(count: int, slots: int) -> Near:
+    """Nothing near to so many things; room for `slots` each."""
+    near = Near()
+    near.count, near.soon = (wp.zeros(count, dtype=int) for _ in range(2))
+    near.other, near.due = (wp.zeros((count, slots), dtype=int) for _ in range(2))
+    near.room_m = wp.zeros((count, slots), dtype=float)
+    return near
+
+
+def make_meetings(count: int, slots: int) -> Meetings:
+    """No meetings of so many things; room for `slots` each."""
+    meetings = Meetings()
+    meetings.count = wp.zeros(count, dtype=int)
+    meetings.other = wp.zeros((count, slots), dtype=int)
+    meetings.way, meetings.at = (wp.zeros((count, slots), dtype=wp.vec4) for _ in range(2))
+    return meetings
+
+
+# Of their distance at rest, how far apart parts of a garment are kept at most.
+ROOM_SHARE = wp.constant(0.4)
+# How far apart all cloth stays, if it was: it is published in half precision.
+_KEPT_M = wp.constant(0.001)
+# How fast things come closer in a small step: as fast as they do, half as much again, and this.
+_FASTER = wp.constant(1.5)
+_SLOWEST_M = wp.constant(0.0006)
+_MOST_STEPS = wp.constant(4)  # until they are looked at again
+NEVER = wp.constant(1 << 30)
+
+
+@wp.func
+def small_step(clock: wp.array[float], steps: int):
+    """Number of a frame's small step, from 1."""
+    return int(clock[1] * float(steps) + 0.5)
+
+
+@wp.func
+def nearing(away: float, step_s: float):
+    """How far, at most, things come closer in a small step that go apart at a speed, or closer."""
+    return wp.max(-away, 0.0) * _FASTER * step_s + _SLOWEST_M
+
+
+@wp.func
+def next_due(now: int, above: float, pace: float):
+    """The small step in which to look at things again that are so far above the gap."""
+    return now + wp.clamp(int(above / pace) - 1, 1, _MOST_STEPS)
+
+
+@wp.func
+def least_distance(now: float):
+    """How far two things must stay apart in a small step that begins with them so far apart."""
+    return wp.min(0.9 * now, wp.max(0.1 * now, _KEPT_M))
+
+
 @wp.kernel
 def make_all_moves(moves: Moves, before: wp.array[wp.vec3], place: wp.array[wp.vec3]):
     """Make the moves that were added up, and forget them.

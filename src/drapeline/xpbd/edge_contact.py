@@ -3,100 +3,173 @@
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.lanes import LaneInts, make_patches, repeat_first
 from drapeline.geometry.mesh import face_edges
-from drapeline.xpbd.contact import Moves, move, narrowed
+from drapeline.xpbd.cloth_contact import TOUCHING_M, NearTriangles, lower, passing
+from drapeline.xpbd.contact import (
+    NEVER,
+    ROOM_SHARE,
+    Meetings,
+    Moves,
+    Near,
+    least_distance,
+    make_meetings,
+    make_near,
+    move,
+    narrowed,
+    nearing,
+    next_due,
+    small_step,
+)
+from drapeline.xpbd.lanes import find_near_edges_in_lanes
 
 wp.set_module_options({"enable_backward": False})
 
-_SLOTS = 10  # edges that an edge may be near to
-_MOST = wp.constant(_SLOTS)
+_SLOTS = 96  # edges that an edge may be near to
+_MEETINGS = 48  # of these, those that it may come to in a step
 
 
 @wp.func
-def _nearest_on_lines(p: wp.vec3, d: wp.vec3, q: wp.vec3, e: wp.vec3):
-    # Where lines p + s d and q + t e are closest; (-1, -1) if they are nearly parallel.
+def closest_on_edges(r: wp.vec3, d: wp.vec3, e: wp.vec3):
+    """How far along two edges, q + r + s d and q + t e, their closest points are (Ericson 2005)."""
     dd = wp.dot(d, d)
     ee = wp.dot(e, e)
     de = wp.dot(d, e)
-    r = p - q
-    square = dd * ee - de * de
-    if square < 1.0e-3 * dd * ee:
-        return wp.vec2(-1.0, -1.0)
     rd = wp.dot(r, d)
     re = wp.dot(r, e)
-    return wp.vec2((de * re - ee * rd) / square, (dd * re - de * rd) / square)
+    square = dd * ee - de * de
+    s = float(0.0)  # noqa: UP018
+    if square > 1.0e-6 * dd * ee:
+        s = wp.clamp((de * re - ee * rd) / square, 0.0, 1.0)
+    t = (de * s + re) / wp.max(ee, 1.0e-20)
+    if t < 0.0:
+        t = 0.0
+        s = wp.clamp(-rd / wp.max(dd, 1.0e-20), 0.0, 1.0)
+    elif t > 1.0:
+        t = 1.0
+        s = wp.clamp((de - rd) / wp.max(dd, 1.0e-20), 0.0, 1.0)
+    return wp.vec2(s, t)
 
 
 @wp.kernel
-def _find_near_edges(
-    place: wp.array[wp.vec3],
+def find_near_edges_one_per_thread(
+    tree: wp.uint64,
     edges: wp.array[wp.vec2i],
-    triangle_edges: wp.array[wp.vec3i],
-    near_count: wp.array[int],
-    near: wp.array2d[int],
-    crossings: wp.array[int],
+    owned: wp.array2d[int],  # edges of each face that belong to it, -1 for none
+    rest: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    sweep: wp.array[wp.vec3],
+    sweeps: wp.array[wp.vec4],
+    layers: wp.array[int],
     margin: float,
-    count: wp.array[int],
-    pairs: wp.array2d[int],  # number of the other edge + 1, negative on the other side
+    share: float,
+    near: Near,
 ):
+    """Find the edges of a higher number that each edge is near to, and their distance at rest."""
     edge = wp.tid()
-    count[edge] = 0
     ends = edges[edge]
-    if crossings[edge] > 0 or near_count[ends[0]] + near_count[ends[1]] == 0:
-        return
     p = place[ends[0]]
     d = place[ends[1]] - p
-    found = int(0)  # noqa: RUF046, UP018
-    for k in range(near_count[ends[0]] + near_count[ends[1]]):
-        number = int(0)  # noqa: RUF046, UP018
-        if k < near_count[ends[0]]:
-            number = near[ends[0], k]
-        else:
-            number = near[ends[1], k - near_count[ends[0]]]
-        if number == 0:
-            continue
-        sides = triangle_edges[wp.abs(number) - 1]
-        for m in range(3):
-            other = sides[m]
-            new = other >= 0 and found < _MOST
-            if new:
-                new = crossings[other] == 0
-            for n in range(found):
-                if wp.abs(pairs[edge, n]) == other + 1:
-                    new = False
-            if new:
+    mean = (sweep[ends[0]] + sweep[ends[1]]) * 0.5
+    spread = wp.length(sweep[ends[0]] - sweep[ends[1]]) * 0.5
+    widest = margin + wp.length(mean) + spread
+    half = wp.vec3(widest, widest, widest)
+    found = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
+    query = wp.bvh_query_aabb(tree, wp.min(p, p + d) - half, wp.max(p, p + d) + half)
+    face = int(0)  # noqa: RUF046, UP018
+    while wp.bvh_query_next(query, face):
+        for m in range(owned.shape[1]):
+            other = owned[face, m]
+            if other > edge and found < near.other.shape[1]:
                 far = edges[other]
-                if (
-                    far[0] != ends[0]
-                    and far[0] != ends[1]
-                    and far[1] != ends[0]
-                    and far[1] != ends[1]
-                ):
-                    q = place[far[0]]
-                    e = place[far[1]] - q
-                    at = _nearest_on_lines(p, d, q, e)
-                    if at[0] > -0.2 and at[0] < 1.2 and at[1] > -0.2 and at[1] < 1.2:
-                        way = p + d * at[0] - q - e * at[1]
-                        if wp.length_sq(way) < margin * margin:
-                            if wp.dot(way, wp.cross(d, e)) < 0.0:
-                                pairs[edge, found] = -(other + 1)
-                            else:
-                                pairs[edge, found] = other + 1
-                            found += 1
-    count[edge] = found
+                meet = far[0] == ends[0] or far[0] == ends[1]
+                if far[1] == ends[0] or far[1] == ends[1]:
+                    meet = True
+                q = place[far[0]]
+                e = place[far[1]] - q
+                at = closest_on_edges(p - q, d, e)
+                way = p + d * at[0] - q - e * at[1]
+                room = float(1.0e3)  # noqa: UP018
+                if layers[ends[0]] == layers[far[0]]:
+                    u = rest[ends[1]] - rest[ends[0]]
+                    v = rest[far[1]] - rest[far[0]]
+                    w = rest[ends[0]] - rest[far[0]]
+                    then = closest_on_edges(w, u, v)
+                    room = wp.length(w + u * then[0] - v * then[1])
+                past = spread + passing(mean, sweeps[face])
+                reach = wp.min(margin + past, share * room)
+                if not meet and wp.length_sq(way) < reach * reach:
+                    near.other[edge, found] = other
+                    near.room_m[edge, found] = room
+                    near.due[edge, found] = 0
+                    found += 1
+    near.count[edge] = found
+    near.soon[edge] = 0
+
+
+@wp.kernel
+def approach_edges(
+    busy: wp.array[int],  # numbers of the edges that are near to any
+    near: Near,
+    edges: wp.array[wp.vec2i],
+    layers: wp.array[int],
+    clearance: wp.array[wp.vec2],
+    clock: wp.array[float],
+    steps: int,
+    step_s: float,
+    own_gap: float,
+    layer_gap: float,
+    speed: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    meetings: Meetings,
+):
+    """Find which of the near edges each edge may touch in a small step, and from where."""
+    edge = busy[wp.tid()]
+    meetings.count[edge] = 0
+    now = small_step(clock, steps)
+    if near.soon[edge] > now:
+        return
+    soon = int(NEVER)
+    found = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
+    i = edges[edge][0]
+    j = edges[edge][1]
+    p = place[i]
+    d = place[j] - p
+    for k in range(near.count[edge]):
+        if near.due[edge, k] <= now:
+            far = edges[near.other[edge, k]]
+            q = place[far[0]]
+            e = place[far[1]] - q
+            gap = layer_gap
+            if layers[i] == layers[far[0]]:
+                gap = wp.min(own_gap, ROOM_SHARE * near.room_m[edge, k])
+            # Vertices so close to one another have much the same room.
+            gap = narrowed(gap, clearance[i])
+            at = closest_on_edges(p - q, d, e)
+            way = p + d * at[0] - q - e * at[1]
+            distance = wp.length(way)
+            way /= wp.max(distance, TOUCHING_M)
+            away = wp.min(wp.dot(speed[i], way), wp.dot(speed[j], way))
+            away -= wp.max(wp.dot(speed[far[0]], way), wp.dot(speed[far[1]], way))
+            pace = nearing(away, step_s)
+            near.due[edge, k] = next_due(now, distance - gap, pace)
+            close = distance < gap + 2.0 * pace and distance > TOUCHING_M
+            if close and found < meetings.other.shape[1]:
+                meetings.other[edge, found] = near.other[edge, k]
+                meetings.way[edge, found] = wp.vec4(way[0], way[1], way[2], gap)
+                meetings.at[edge, found] = wp.vec4(at[0], at[1], 0.0, distance)
+                found += 1
+        soon = wp.min(soon, near.due[edge, k])
+    meetings.count[edge] = found
+    near.soon[edge] = soon
 
 
 @wp.kernel
 def touch_edges(
-    busy: wp.array[int],  # numbers of the edges that are near to any
-    count: wp.array[int],
-    pairs: wp.array2d[int],
+    busy: wp.array[int],
+    meetings: Meetings,
     edges: wp.array[wp.vec2i],
-    layers: wp.array[int],
     inverse_mass: wp.array[float],
-    clearance: wp.array[wp.vec2],
-    own_gap: float,
-    layer_gap: float,
     release: float,
     moves: Moves,
     before: wp.array[wp.vec3],
@@ -104,91 +177,141 @@ def touch_edges(
 ):
     """Push edges apart that are closer than the gap."""
     edge = busy[wp.tid()]
-    ends = edges[edge]
-    i = ends[0]
-    j = ends[1]
-    for k in range(count[edge]):
-        number = pairs[edge, k]
-        side = float(1.0)  # noqa: UP018
-        if number < 0:
-            side = -1.0
-        far = edges[wp.abs(number) - 1]
-        a = far[0]
-        b = far[1]
-        p = place[i]
-        d = place[j] - p
-        q = place[a]
-        e = place[b] - q
-        gap = own_gap
-        if layers[i] != layers[a]:
-            gap = layer_gap
-        # Vertices so close to one another have much the same room.
-        gap = narrowed(gap, clearance[i])
-        normal = wp.cross(d, e)
-        square = wp.length_sq(normal)
-        height = wp.dot(p - q, normal) * side
-        # Most pairs are too far apart to touch, which their lines tell without a division.
-        if height < 0.0 or height * height < gap * gap * square:
-            at = _nearest_on_lines(p, d, q, e)
-            s = at[0]
-            t = at[1]
-            if s > 0.0 and s < 1.0 and t > 0.0 and t < 1.0:
-                up = normal * (side / wp.sqrt(square))
-                depth = gap - height / wp.sqrt(square)
-                old_p = before[i] * (1.0 - s) + before[j] * s
-                old_q = before[a] * (1.0 - t) + before[b] * t
-                old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
-                released = wp.min(old, release)
-                wi = inverse_mass[i] * (1.0 - s)
-                wj = inverse_mass[j] * s
-                wa = inverse_mass[a] * (1.0 - t)
-                wb = inverse_mass[b] * t
-                share = 1.0 / (wi * (1.0 - s) + wj * s + wa * (1.0 - t) + wb * t)
-                shift = up * ((depth - old + released) * share)
-                lift = up * (released * share)
-                move(moves, place, before, i, 1.0 - s, p, shift * wi, lift * wi)
-                move(moves, place, before, j, s, p + d, shift * wj, lift * wj)
-                move(moves, place, before, a, 1.0 - t, q, -(shift * wa), -(lift * wa))
-                move(moves, place, before, b, t, q + e, -(shift * wb), -(lift * wb))
+    i = edges[edge][0]
+    j = edges[edge][1]
+    for k in range(meetings.count[edge]):
+        a = edges[meetings.other[edge, k]][0]
+        b = edges[meetings.other[edge, k]][1]
+        way = meetings.way[edge, k]
+        up = wp.vec3(way[0], way[1], way[2])
+        s = meetings.at[edge, k][0]
+        t = meetings.at[edge, k][1]
+        p = place[i] * (1.0 - s) + place[j] * s
+        q = place[a] * (1.0 - t) + place[b] * t
+        depth = way[3] - wp.dot(p - q, up)
+        if depth > 0.0:
+            old_p = before[i] * (1.0 - s) + before[j] * s
+            old_q = before[a] * (1.0 - t) + before[b] * t
+            old = wp.clamp(way[3] - wp.dot(old_p - old_q, up), 0.0, depth)
+            released = wp.min(old, release)
+            wi = inverse_mass[i] * (1.0 - s)
+            wj = inverse_mass[j] * s
+            wa = inverse_mass[a] * (1.0 - t)
+            wb = inverse_mass[b] * t
+            share = 1.0 / (wi * (1.0 - s) + wj * s + wa * (1.0 - t) + wb * t)
+            shift = up * ((depth - old + released) * share)
+            lift = up * (released * share)
+            move(moves, place, before, i, 1.0 - s, place[i], shift * wi, lift * wi)
+            move(moves, place, before, j, s, place[j], shift * wj, lift * wj)
+            move(moves, place, before, a, 1.0 - t, place[a], -(shift * wa), -(lift * wa))
+            move(moves, place, before, b, t, place[b], -(shift * wb), -(lift * wb))
+
+
+@wp.kernel
+def part_edges(
+    busy: wp.array[int],
+    meetings: Meetings,
+    edges: wp.array[wp.vec2i],
+    moves: Moves,
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    parted: wp.array[int],
+):
+    """Keep a plane between each edge and those that it meets, see `part_triangles`."""
+    edge = busy[wp.tid()]
+    i = edges[edge][0]
+    j = edges[edge][1]
+    for k in range(meetings.count[edge]):
+        a = edges[meetings.other[edge, k]][0]
+        b = edges[meetings.other[edge, k]][1]
+        way = meetings.way[edge, k]
+        up = wp.vec3(way[0], way[1], way[2])
+        x = wp.dot(place[i], up)
+        y = wp.dot(place[j], up)
+        u = wp.dot(place[a], up)
+        v = wp.dot(place[b], up)
+        lowest = wp.min(x, y)
+        highest = wp.max(u, v)
+        lacking = least_distance(meetings.at[edge, k][3]) - lowest + highest
+        if lacking > 0.0:
+            wp.atomic_add(parted, 0, 1)
+            half = 0.5 * lacking + TOUCHING_M
+            lower(moves, place, before, i, -x, -(lowest + half), -up)
+            lower(moves, place, before, j, -y, -(lowest + half), -up)
+            lower(moves, place, before, a, u, highest - half, up)
+            lower(moves, place, before, b, v, highest - half, up)
 
 
 class NearEdges:
-    """Other edges that each edge (E, 2), no diagonal, of cloth is near to, and on which side.
+    """Other edges that each edge of cloth is near to; each pair is of the lower number.
 
-    `triangle_edges` (F, 3) are the numbers of each triangle's edges, -1 for a diagonal.
+    Args:
+        edges: (E, 2) of the cloth's triangles, diagonals included.
+        triangle_edges: (F, 3) numbers of the edges of each triangle.
+        cloth: its faces.
+        rest: (V, 3) vertices at rest.
+        parallel: whether each edge is looked up by itself, as on a GPU, not in patches.
+
+    Attributes:
+        edges: as given.
+        near: what each edge is near to.
+        meetings: those that it may touch in a small step.
     """
 
-    def __init__(self, edges: wp.array, triangle_edges: wp.array) -> None:
-        self._edges, self._triangle_edges = edges, triangle_edges
-        self.count = wp.zeros(len(edges), dtype=int)
-        self.pairs = wp.zeros((len(edges), _SLOTS), dtype=int)
-
-    def find(
+    def __init__(
         self,
-        place: wp.array,
-        near_count: wp.array,
-        near: wp.array,
-        crossings: wp.array,
+        edges: np.ndarray,
+        triangle_edges: np.ndarray,
+        cloth: NearTriangles,
+        rest: np.ndarray,
         *,
-        margin_m: float,
+        parallel: bool = False,
     ) -> None:
-        """Find them again among the edges of the triangles that the ends of an edge are near to.
+        self._cloth, count = cloth, len(edges)
+        self.edges = wp.array(edges, dtype=wp.vec2i)
+        self._rest = wp.array(rest, dtype=wp.vec3)
+        owned = _owned_edges(triangle_edges.reshape(-1, 3 * cloth.halves), count)
+        self._owned = wp.array(owned, dtype=int)
+        self._kernel, self._searches, self._patches = find_near_edges_one_per_thread, count, []
+        if not parallel:
+            layers = cloth.layers.numpy()[edges[:, 0]]
+            patches = make_patches(rest[edges].mean(axis=1), layers)
+            self._kernel, self._searches = find_near_edges_in_lanes, len(patches)
+            self._patches = [
+                wp.array(repeat_first(patches), dtype=LaneInts),
+                wp.array((patches >= 0).sum(axis=1), dtype=int),
+            ]
+        self.near = make_near(count, _SLOTS)
+        self.meetings = make_meetings(count, _MEETINGS)
 
-        Edges that pass through a triangle have no side, and are left out.
+    def find(self, *, margin_m: float, rest_share: float) -> None:
+        """Find them again, where the cloth's triangles were found last.
 
         Args:
-            place: (V, 3) vertices.
-            near_count, near: of `NearTriangles`.
-            crossings: (E,) number of triangles that an edge passes through.
             margin_m: how far apart they may be.
+            rest_share: how far, of their distance at rest.
         """
-        cloth = [place, self._edges, self._triangle_edges, near_count, near, crossings]
+        cloth = self._cloth
+        tree = cloth.tree
+        boxes = [tree.lowers, tree.uppers] if self._patches else []
         wp.launch(
-            _find_near_edges,
-            dim=len(self._edges),
-            inputs=[*cloth, margin_m],
-            outputs=[self.count, self.pairs],
+            self._kernel,
+            dim=self._searches,
+            inputs=[
+                *(*self._patches, wp.uint64(tree.id), *boxes, self.edges, self._owned),
+                *(self._rest, cloth.middle, cloth.sweep, cloth.sweeps),
+                *(cloth.layers, margin_m, rest_share),
+            ],
+            outputs=[self.near],
         )
+
+
+def _owned_edges(face_edges: np.ndarray, count: int) -> np.ndarray:
+    """Those of the edges (F, K) of each face that no face before it has, -1 for the others."""
+    flat, places = face_edges.ravel(), np.arange(face_edges.size)
+    first = np.full(count + 1, flat.size)
+    np.minimum.at(first, flat, places)
+    return np.where(first[flat] == places, flat, -1).reshape(face_edges.shape)
 
 
 def edges_of_triangles(pairs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -230,8 +353,7 @@ def _find_crossings(
     place: wp.array[wp.vec3],
     edges: wp.array[wp.vec2i],
     triangles: wp.array[wp.vec3i],
-    near_count: wp.array[int],
-    near: wp.array2d[int],
+    near: Near,
     count: wp.array[int],
     crossed: wp.array2d[int],
 ):
@@ -240,12 +362,12 @@ def _find_crossings(
     p = place[ends[0]]
     d = place[ends[1]] - p
     found = int(0)  # noqa: RUF046, UP018
-    for k in range(near_count[ends[0]] + near_count[ends[1]]):
+    for k in range(near.count[ends[0]] + near.count[ends[1]]):
         number = int(0)  # noqa: RUF046, UP018
-        if k < near_count[ends[0]]:
-            number = wp.abs(near[ends[0], k]) - 1
+        if k < near.count[ends[0]]:
+            number = near.other[ends[0], k]
         else:
-            number = wp.abs(near[ends[1], k - near_count[ends[0]]]) - 1
+            number = near.other[ends[1], k - near.count[ends[0]]]
         c = triangles[number]
         new = found < _MOST_CROSSED and c[0] != ends[0] and c[1] != ends[0] and c[2] != ends[0]
         if c[0] == ends[1] or c[1] == ends[1] or c[2] == ends[1]:
@@ -266,17 +388,16 @@ def _free_crossed(
     edges: wp.array[wp.vec2i],
     count: wp.array[int],
     crossed: wp.array2d[int],
-    near_count: wp.array[int],
-    near: wp.array2d[int],
+    near: Near,
 ):
     # The ends of an edge that passes through a triangle are on no side of it.
     edge = wp.tid()
     for k in range(count[edge]):
         for end in range(2):
             vertex = edges[edge][end]
-            for n in range(near_count[vertex]):
-                if wp.abs(near[vertex, n]) - 1 == crossed[edge, k]:
-                    near[vertex, n] = 0
+            for n in range(near.count[vertex]):
+                if near.other[vertex, n] == crossed[edge, k]:
+                    near.other[vertex, n] = -1
 
 
 @wp.func
@@ -358,26 +479,26 @@ class Crossings:
         self.count = wp.zeros(len(edges), dtype=int)
         self.crossed = wp.zeros((len(edges), _CROSSED_SLOTS), dtype=int)
 
-    def find(self, place: wp.array, near_count: wp.array, near: wp.array) -> None:
+    def find(self, place: wp.array, near: Near) -> None:
         """Find them again, among the triangles that the ends of an edge are near to.
 
         These lose what their edges pass through.
 
         Args:
             place: (V, 3) vertices.
-            near_count, near: of `NearTriangles`.
+            near: of `NearTriangles`.
         """
         wp.launch(
             _find_crossings,
             dim=len(self._edges),
-            inputs=[place, self._edges, self._triangles, near_count, near],
+            inputs=[place, self._edges, self._triangles, near],
             outputs=[self.count, self.crossed],
         )
         wp.launch(
             _free_crossed,
             dim=len(self._edges),
             inputs=[self._edges, self.count, self.crossed],
-            outputs=[near_count, near],
+            outputs=[near],
         )
 
 

@@ -10,6 +10,7 @@ import warp as wp
 
 from drapeline.geometry.lanes import LaneFloats, LaneInts, lane_code, near_code
 from drapeline.geometry.surface_lanes import closest_in_lanes, hits_in_lanes
+from drapeline.xpbd.contact import Near
 from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
 
 wp.set_module_options({"enable_backward": False})
@@ -62,7 +63,6 @@ def look_in_lanes(
 
 
 SMALLEST_M4 = 1e-14  # square of a triangle's doubled area, below which it has no sides
-ASIDE = 0.4  # of a triangle's edges, how far past it a vertex may lie
 
 # Faces whose boxes meet the patch's are looked at in all lanes; what is near is noted lane by lane.
 _FIND_NEAR = """
@@ -71,57 +71,102 @@ const lanes rest_x = at_rest[0], rest_y = at_rest[1], rest_z = at_rest[2];
 const int layer = layers.data[which[0]];
 const int slots = near.shape[1];
 int found[8] = {};
-auto note = [&](int number, masks here) {
+lanes sweep_x, sweep_y, sweep_z;
+float most = 0.0f;
+for (int k = 0; k < 8; ++k) {
+    const wp::vec3 s = sweep.data[which[k]];
+    sweep_x[k] = s[0];
+    sweep_y[k] = s[1];
+    sweep_z[k] = s[2];
+    most = wp::max(most, wp::length(s));
+}
+low -= wp::vec3(most);
+high += wp::vec3(most);
+auto away = [](wp::vec3 p, wp::vec3 b, wp::vec3 c) {
+    // Square of the distance of p from the triangle 0, b, c (Ericson 2005).
+    const float d1 = wp::dot(b, p), d2 = wp::dot(c, p);
+    if (d1 <= 0.0f && d2 <= 0.0f)
+        return wp::dot(p, p);
+    const wp::vec3 q = p - b, r = p - c;
+    const float d3 = wp::dot(b, q), d4 = wp::dot(c, q);
+    if (d3 >= 0.0f && d4 <= d3)
+        return wp::dot(q, q);
+    const float w = d1 * d4 - d3 * d2;
+    float i = 0.0f, j = 0.0f;
+    const float d5 = wp::dot(b, r), d6 = wp::dot(c, r);
+    const float v = d5 * d2 - d1 * d6, u = d3 * d6 - d5 * d4;
+    if (w <= 0.0f && d1 >= 0.0f && d3 <= 0.0f)
+        i = d1 / (d1 - d3);
+    else if (d6 >= 0.0f && d5 <= d6)
+        return wp::dot(r, r);
+    else if (v <= 0.0f && d2 >= 0.0f && d6 <= 0.0f)
+        j = d2 / (d2 - d6);
+    else if (u <= 0.0f && d4 - d3 >= 0.0f && d5 - d6 >= 0.0f) {
+        j = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        i = 1.0f - j;
+    } else {
+        const float scale = 1.0f / (u + v + w);
+        i = v * scale;
+        j = w * scale;
+    }
+    const wp::vec3 way = p - b * i - c * j;
+    return wp::dot(way, way);
+};
+auto note = [&](int number, masks here, lanes reach, lanes room) {
     const int* corners = (const int*)triangles.data + 3 * number;
     const wp::vec3 a = place.data[corners[0]];
     const wp::vec3 b = place.data[corners[1]] - a;
     const wp::vec3 c = place.data[corners[2]] - a;
     const wp::vec3 normal = wp::cross(b, c);
     const float square = wp::dot(normal, normal);
-    if (!(square > SMALLEST_M4))
-        return;
     const lanes p = x - a[0], q = y - a[1], r = z - a[2];
     const lanes height = p * normal[0] + q * normal[1] + r * normal[2];
-    here &= height * height < margin * margin * square;
-    if (!any(here))
-        return;
-    const float bb = wp::dot(b, b), cc = wp::dot(c, c), bc = wp::dot(b, c);
-    const lanes pb = p * b[0] + q * b[1] + r * b[2];
-    const lanes pc = p * c[0] + q * c[1] + r * c[2];
-    const float scale = 1.0f / square;
-    const lanes u = (cc * pb - bc * pc) * scale, v = (bb * pc - bc * pb) * scale;
-    here &= (u > -ASIDE) & (v > -ASIDE) & (u + v < 1.0f + ASIDE);
+    here &= height * height < reach * reach * square;
     if (!any(here))
         return;
     for (int k = 0; k < size; ++k)
-        if (here[k] && found[k] < slots)
-            near.data[slots * which[k] + found[k]++] = height[k] < 0.0f ? -number - 1 : number + 1;
+        if (here[k] && found[k] < slots &&
+            away(wp::vec3(p[k], q[k], r[k]), b, c) < reach[k] * reach[k]) {
+            const int slot = slots * which[k] + found[k];
+            rooms.data[slot] = room[k];
+            due.data[slot] = 0;
+            near.data[slots * which[k] + found[k]++] = number;
+        }
 };
 auto look = [&](int face) {
-    const wp::vec3 start = lower.data[face] - wp::vec3(margin);
-    const wp::vec3 end = upper.data[face] + wp::vec3(margin);
-    masks here = (x > start[0]) & (x < end[0]) & (y > start[1]) & (y < end[1]);
-    here &= (z > start[2]) & (z < end[2]);
+    const wp::vec4 s = sweeps.data[face];
+    const lanes i = sweep_x - s[0], j = sweep_y - s[1], l = sweep_z - s[2];
+    const lanes past = __builtin_elementwise_sqrt(i * i + j * j + l * l) + s[3];
+    // The box around the face's whole way is larger than the one half-way by this much.
+    const float more = wp::sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) + s[3];
+    const wp::vec3 start = lower.data[face] + wp::vec3(more);
+    const wp::vec3 end = upper.data[face] - wp::vec3(more);
+    const lanes far = past + margin;
+    masks here = (x > start[0] - far) & (x < end[0] + far) & (y > start[1] - far);
+    here &= (y < end[1] + far) & (z > start[2] - far) & (z < end[2] + far);
     const int* corners = (const int*)triangles.data + 3 * halves * face;
+    lanes room = 1.0e3f, reach = far;
     if (layers.data[corners[0]] == layer) {
-        // Parts of a garment that are close at rest are held apart by the cloth itself; a face's
-        // own corners always are, however large it is.
+        // Parts of a garment that are close at rest may be close, and a face's own corners are.
         const wp::vec3 centre = rest_centres.data[face];
-        const float radius = rest_radii.data[face], held = free > radius ? free : radius;
         const lanes u = rest_x - centre[0], v = rest_y - centre[1], w = rest_z - centre[2];
-        here &= u * u + v * v + w * w > held * held;
+        room = __builtin_elementwise_sqrt(u * u + v * v + w * w) - rest_radii.data[face];
+        reach = __builtin_elementwise_min(reach, share * room);
+        here &= reach > 0.0f;
     }
     if (any(here))
         for (int k = 0; k < halves; ++k)
-            note(halves * face + k, here);
+            note(halves * face + k, here, reach, room);
 };
 descend(look);
-for (int k = 0; k < size; ++k)
+for (int k = 0; k < size; ++k) {
     count.data[which[k]] = found[k];
+    soon.data[which[k]] = 0;
+}
 """
 
 
-@wp.func_native(near_code("place.data[number]", _FIND_NEAR, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
+@wp.func_native(near_code("place.data[number]", _FIND_NEAR))
 def _find_near(
     tree: wp.uint64,
     lower: wp.array[wp.vec3],
@@ -133,13 +178,18 @@ def _find_near(
     rest_centres: wp.array[wp.vec3],
     rest_radii: wp.array[float],
     place: wp.array[wp.vec3],
+    sweep: wp.array[wp.vec3],
+    sweeps: wp.array[wp.vec4],
     triangles: wp.array[wp.vec3i],
     halves: int,
     layers: wp.array[int],
     margin: float,
-    free: float,
+    share: float,
     count: wp.array[int],
     near: wp.array2d[int],
+    rooms: wp.array2d[float],
+    due: wp.array2d[int],
+    soon: wp.array[int],
 ): ...
 
 
@@ -154,13 +204,14 @@ def find_near_in_lanes(
     rest_centres: wp.array[wp.vec3],
     rest_radii: wp.array[float],
     place: wp.array[wp.vec3],
+    sweep: wp.array[wp.vec3],
+    sweeps: wp.array[wp.vec4],
     triangles: wp.array[wp.vec3i],
     halves: int,
     layers: wp.array[int],
     margin: float,
-    free: float,
-    count: wp.array[int],
-    near: wp.array2d[int],
+    share: float,
+    near: Near,
 ):
     """As `cloth_contact.find_near_one_per_thread`, for the vertices of a patch."""
     _find_near(
@@ -174,13 +225,186 @@ def find_near_in_lanes(
         rest_centres,
         rest_radii,
         place,
+        sweep,
+        sweeps,
         triangles,
         halves,
         layers,
         margin,
-        free,
-        count,
-        near,
+        share,
+        near.count,
+        near.other,
+        near.room_m,
+        near.due,
+        near.soon,
+    )
+
+
+# As above, for the edges of a patch and those of each face that belong to it, not to its neighbour.
+_FIND_NEAR_EDGES = """
+const int* ends = (const int*)edges.data;
+const int slots = near.shape[1], width = owned.shape[1];
+lanes dx, dy, dz, rest_x, rest_y, rest_z, rest_dx, rest_dy, rest_dz;
+lanes sweep_x, sweep_y, sweep_z, spread;
+masks number, first, second, layer;
+float most = 0.0f;
+for (int k = 0; k < 8; ++k) {
+    number[k] = which[k];
+    first[k] = ends[2 * which[k]];
+    second[k] = ends[2 * which[k] + 1];
+    layer[k] = layers.data[first[k]];
+    const wp::vec3 end = place.data[second[k]], way = end - point(which[k]);
+    low = wp::min(low, end - wp::vec3(margin));
+    high = wp::max(high, end + wp::vec3(margin));
+    dx[k] = way[0]; dy[k] = way[1]; dz[k] = way[2];
+    const wp::vec3 then = rest.data[first[k]], along = rest.data[second[k]] - then;
+    rest_x[k] = then[0]; rest_y[k] = then[1]; rest_z[k] = then[2];
+    rest_dx[k] = along[0]; rest_dy[k] = along[1]; rest_dz[k] = along[2];
+    const wp::vec3 s = sweep.data[first[k]], t = sweep.data[second[k]], mean = (s + t) * 0.5f;
+    sweep_x[k] = mean[0]; sweep_y[k] = mean[1]; sweep_z[k] = mean[2];
+    spread[k] = 0.5f * wp::length(s - t);
+    most = wp::max(most, wp::length(mean) + spread[k]);
+}
+low -= wp::vec3(most);
+high += wp::vec3(most);
+auto lesser = [](lanes a, lanes b) { return __builtin_elementwise_min(a, b); };
+auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
+const lanes low_x = lesser(x, x + dx), high_x = greater(x, x + dx);
+const lanes low_y = lesser(y, y + dy), high_y = greater(y, y + dy);
+const lanes low_z = lesser(z, z + dz), high_z = greater(z, z + dz);
+auto clamped = [&](lanes v) {
+    return lesser(greater(v, (lanes)0.0f), (lanes)1.0f);
+};
+auto distance = [&](lanes rx, lanes ry, lanes rz, lanes ux, lanes uy, lanes uz, wp::vec3 e) {
+    // Square of the distance of edges from r along u, and from 0 along e (Ericson 2005).
+    const lanes dd = ux * ux + uy * uy + uz * uz, de = ux * e[0] + uy * e[1] + uz * e[2];
+    const lanes rd = rx * ux + ry * uy + rz * uz, re = rx * e[0] + ry * e[1] + rz * e[2];
+    const float ee = wp::dot(e, e);
+    const lanes square = dd * ee - de * de;
+    lanes s = square > 1e-6f * dd * ee ? clamped((de * re - ee * rd) / square) : (lanes)0.0f;
+    const lanes t = (de * s + re) / wp::max(ee, 1e-20f);
+    const lanes longest = greater(dd, (lanes)1e-20f);
+    s = t < 0.0f ? clamped(-rd / longest) : s;
+    s = t > 1.0f ? clamped((de - rd) / longest) : s;
+    const lanes v = clamped(t);
+    const lanes wx = rx + ux * s - e[0] * v, wy = ry + uy * s - e[1] * v;
+    const lanes wz = rz + uz * s - e[2] * v;
+    return wx * wx + wy * wy + wz * wz;
+};
+int found[8] = {};
+auto look = [&](int face) {
+    const wp::vec4 f = sweeps.data[face];
+    const lanes i = sweep_x - f[0], j = sweep_y - f[1], l = sweep_z - f[2];
+    const lanes past = __builtin_elementwise_sqrt(i * i + j * j + l * l) + f[3] + spread;
+    const float more = wp::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) + f[3];
+    const wp::vec3 start = lower.data[face] + wp::vec3(more);
+    const wp::vec3 end = upper.data[face] - wp::vec3(more);
+    const lanes far = past + margin, square = far * far;
+    masks boxed = (high_x > start[0] - far) & (low_x < end[0] + far) & (high_y > start[1] - far);
+    boxed &= (low_y < end[1] + far) & (high_z > start[2] - far) & (low_z < end[2] + far);
+    if (!any(boxed))
+        return;
+    for (int m = 0; m < width; ++m) {
+        const int other = owned.data[width * face + m];
+        if (other < 0)
+            continue;
+        const int a = ends[2 * other], b = ends[2 * other + 1];
+        masks here = boxed & (number < other);
+        here &= (first != a) & (first != b) & (second != a) & (second != b);
+        if (!any(here))
+            continue;
+        const wp::vec3 q = place.data[a], e = place.data[b] - q;
+        const lanes apart = distance(x - q[0], y - q[1], z - q[2], dx, dy, dz, e);
+        here &= apart < square;
+        if (!any(here))
+            continue;
+        const wp::vec3 v = rest.data[a], w = rest.data[b] - v;
+        lanes room = __builtin_elementwise_sqrt(distance(
+            rest_x - v[0], rest_y - v[1], rest_z - v[2], rest_dx, rest_dy, rest_dz, w));
+        room = layer == layers.data[a] ? room : (lanes)1.0e3f;
+        here &= apart < share * share * room * room;
+        for (int k = 0; k < size; ++k)
+            if (here[k] && found[k] < slots) {
+                const int slot = slots * which[k] + found[k];
+                rooms.data[slot] = room[k];
+                    due.data[slot] = 0;
+                near.data[slots * which[k] + found[k]++] = other;
+            }
+    }
+};
+descend(look);
+for (int k = 0; k < size; ++k) {
+    count.data[which[k]] = found[k];
+    soon.data[which[k]] = 0;
+}
+"""
+
+
+@wp.func_native(near_code("place.data[((const int*)edges.data)[2 * number]]", _FIND_NEAR_EDGES))
+def _find_near_edges(
+    tree: wp.uint64,
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    patches: wp.array[LaneInts],
+    patch: int,
+    sizes: wp.array[int],
+    edges: wp.array[wp.vec2i],
+    owned: wp.array2d[int],
+    rest: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    sweep: wp.array[wp.vec3],
+    sweeps: wp.array[wp.vec4],
+    layers: wp.array[int],
+    margin: float,
+    share: float,
+    count: wp.array[int],
+    near: wp.array2d[int],
+    rooms: wp.array2d[float],
+    due: wp.array2d[int],
+    soon: wp.array[int],
+): ...
+
+
+@wp.kernel
+def find_near_edges_in_lanes(
+    patches: wp.array[LaneInts],  # edges; empty lanes repeat the first
+    sizes: wp.array[int],
+    tree: wp.uint64,
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    edges: wp.array[wp.vec2i],
+    owned: wp.array2d[int],
+    rest: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+    sweep: wp.array[wp.vec3],
+    sweeps: wp.array[wp.vec4],
+    layers: wp.array[int],
+    margin: float,
+    share: float,
+    near: Near,
+):
+    """As `edge_contact.find_near_edges_one_per_thread`, for the edges of a patch."""
+    _find_near_edges(
+        tree,
+        lower,
+        upper,
+        patches,
+        wp.tid(),
+        sizes,
+        edges,
+        owned,
+        rest,
+        place,
+        sweep,
+        sweeps,
+        layers,
+        margin,
+        share,
+        near.count,
+        near.other,
+        near.room_m,
+        near.due,
+        near.soon,
     )
 
 

@@ -12,18 +12,27 @@ import numpy as np
 import warp as wp
 
 from drapeline.frames import FPS
+from drapeline.geometry import crossings as geometry
 from drapeline.geometry.lanes import LANES, LaneFloats, LaneInts, lay_in_lanes
+from drapeline.geometry.mesh import edges
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import Attempt, ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.body_vertices import CoveredVertices, push_off_body_vertices
-from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
+from drapeline.xpbd.cloth_contact import (
+    NearTriangles,
+    approach_triangles,
+    part_triangles,
+    touch_cloth,
+)
 from drapeline.xpbd.contact import make_all_moves, make_moves, touch_floor
 from drapeline.xpbd.edge_contact import (
     Crossings,
     NearEdges,
+    approach_edges,
     edges_of_triangles,
     opposite_vertices,
+    part_edges,
     touch_edges,
     untangle,
 )
@@ -71,7 +80,7 @@ class BusyLaunch:
     On a GPU, which would wait for their numbers, it is one for all, of which most end at once.
 
     Args:
-        kernel: takes their numbers and `count` before its `inputs`.
+        kernel: takes their numbers before its `inputs`.
         count: (N,) how much each of all of them is near to.
         inputs, outputs: of the kernel.
     """
@@ -79,7 +88,7 @@ class BusyLaunch:
     def __init__(self, kernel: wp.Kernel, count: wp.array, inputs: list, outputs: list) -> None:
         self._count = count
         self._numbers = wp.array(np.arange(len(count), dtype=np.int32), dtype=int)
-        self._launch = record(kernel, 1, [self._numbers, count, *inputs], outputs)
+        self._launch = record(kernel, 1, [self._numbers, *inputs], outputs)
         self._launch.set_dim(0)
 
     def find(self) -> None:
@@ -94,6 +103,22 @@ class BusyLaunch:
     def launch(self) -> None:
         """Launch the kernel for those that were found."""
         self._launch.launch()
+
+
+class Sweeps:
+    """Launches that are repeated, up to so many times, until none of them counts anything."""
+
+    def __init__(self, parts: Sequence[Callable[[], None]], counted: wp.array, sweeps: int) -> None:
+        self._parts, self._counted, self._sweeps = parts, counted, sweeps
+
+    def __call__(self) -> None:
+        """Make the launches."""
+        for _ in range(self._sweeps):
+            self._counted.zero_()
+            for part in self._parts:
+                part()
+            if not self._counted.numpy()[0]:
+                return
 
 
 _GRAVITY = wp.constant(wp.vec3(0.0, 0.0, -9.81))
@@ -191,7 +216,7 @@ class XpbdSettings:
     # passed by before it is found.
     limb_way_m: float = 0.04
     # searches_min, searches_max: such searches in a frame.
-    searches_min: int = 2
+    searches_min: int = 4
     searches_max: int = 6
     reach_m: float = 0.045  # how far from the body its nearest point is looked for
     home_reach_m: float = 0.012  # how far from the limb that cloth lies on it touches no other
@@ -199,10 +224,13 @@ class XpbdSettings:
     clearance_m: float = 0.04
     # How far cloth slides over the body before that point is looked for again.
     slack_m: float = 0.002
-    margin_m: float = 0.014  # how far from cloth other cloth is looked for
-    self_gap_m: float = 0.007  # distance between parts of a garment
-    free_m: float = 0.028  # parts of a garment that are closer than this at rest do not collide
-    edge_margin_m: float = 0.012  # how far from an edge other edges are looked for
+    margin_m: float = 0.01  # how far from cloth other cloth is looked for
+    self_gap_m: float = 0.005  # distance between parts of a garment
+    # Of how far apart parts of a garment are at rest, how far from each other they are looked for.
+    rest_share: float = 0.9
+    careful_steps: int = 3  # between searches for cloth where a frame has to be gone through again
+    part_sweeps: int = 3  # of keeping cloth apart at the end of a small step
+    edge_margin_m: float = 0.01  # how far from an edge other edges are looked for
     # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002  # how far above it that cloth is held
@@ -279,10 +307,13 @@ class MovingCloth:
             wp.clone(self._place), triangles, layers, halves, parallel=self._parallel
         )
         self._covered = CoveredVertices(self._body, self._near, parallel=self._parallel)
-        pairs = wp.array(system.edges, dtype=wp.vec2i)
-        sides = edges_of_triangles(system.edges, system.triangles)
-        self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i))
-        self._crossings = Crossings(pairs, triangles)
+        # A quad's diagonal is an edge of what is published, and may fold.
+        all_edges = edges(system.triangles)
+        sides = edges_of_triangles(all_edges, system.triangles)
+        self._near_edges = NearEdges(
+            all_edges, sides, self._near, system.vertices, parallel=self._parallel
+        )
+        self._crossings = Crossings(self._near_edges.edges, triangles)
         springs = system.springs
         self._measure = record(
             measure_strain,
@@ -290,8 +321,13 @@ class MovingCloth:
             [wp.array(springs.pairs, dtype=wp.vec2i), _numbers(springs.lengths_m), self._place],
             [self._strain],
         )
-        self._contacts = self._record_contacts(triangles, layers, pairs)
+        self._contacts = self._record_contacts(triangles, layers)
         self._arrange()
+        # What a frame changes, and how it was when the frame began.
+        self._state = [self._place, self._speed, *self._elastic, *self._surface.anchors]
+        self._kept = [wp.clone(array) for array in self._state]
+        self._seen = geometry.Crossings([g.vertices for g in garments], [g.faces for g in garments])
+        _, self._crossing = self._look()
 
     def _arrange(self) -> None:
         """Set what a small step does, and replay what is always the same in as few calls as can be.
@@ -299,18 +335,33 @@ class MovingCloth:
         Contacts always are on a GPU, which goes through all vertices; a processor leaves out those
         that are near to nothing.
         """
-        contacts: list[Callable[[], None]] = [contact.launch for contact in self._contacts]
-        if self._parallel:
-            state = [self._before, self._place]
-            moves = record(make_all_moves, len(self._place), [self._moves], state)
-            contacts = [part for contact in contacts for part in (contact, moves.launch)]
-        first, last = self._record_first(), self._record_last()
+        contacts, parts = self._launches(self._contacts), self._launches(self._part)
+        first, touch, last = self._record_first(), self._record_touch(), self._record_last()
         # Searches themselves are not kept: they hold this object, which would outlive its sample.
         self._finds: list[Replay] = []
-        self._solve: list[Callable[[], None]] = [Replay(first), *contacts, Replay(last)]
+        approach = [contact.launch for contact in self._approach]
+        sweeps = self._settings.part_sweeps
+        self._solve: list[Callable[[], None]] = [
+            *approach,
+            Replay(first),
+            *contacts,
+            Replay(touch),
+            Sweeps(parts, self._parted, sweeps),
+            Replay(last),
+        ]
         if self._device.is_cuda:
             self._finds = [Replay([find]) for find in self._searches]
-            self._solve = [Replay([*first, *contacts, *last])]
+            step = [*approach, *first, *contacts, *touch, *sweeps * parts, *last]
+            self._solve = [Replay(step)]
+
+    def _launches(self, contacts: Sequence[BusyLaunch]) -> list[Callable[[], None]]:
+        """What launches contacts, each with its moves where they act at once."""
+        launches = [contact.launch for contact in contacts]
+        if not self._parallel:
+            return launches
+        state = [self._before, self._place]
+        moves = record(make_all_moves, len(self._place), [self._moves], state)
+        return [part for launch in launches for part in (launch, moves.launch)]
 
     @property
     def _searches(self) -> list[Callable[[], None]]:
@@ -341,8 +392,8 @@ class MovingCloth:
         ]
         return [launch.launch for launch in launches if launch is not None]
 
-    def _record_last(self) -> list[Callable[[], None]]:
-        """Record what it does after contacts with cloth; the clock then shows the next step."""
+    def _record_touch(self) -> list[Callable[[], None]]:
+        """Record what it does after contacts with cloth."""
         surface, state = self._surface, [self._before, self._place]
         touching = self._gap_m, *self._step_ways_m, self._friction
         launches = [
@@ -361,10 +412,16 @@ class MovingCloth:
                 ],
                 [self._clock, self._carry, *touching, *state],
             ),
-            record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
-            self._tick,
         ]
         return [launch.launch for launch in launches if launch is not None]
+
+    def _record_last(self) -> list[Callable[[], None]]:
+        """Record what it does at the end; the clock then shows the next step."""
+        state = [self._before, self._place]
+        take = record(
+            take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]
+        )
+        return [take.launch, self._tick.launch]
 
     def _record_elasticity(self) -> list[wp.Launch | None]:
         """Record the cloth's own resistance."""
@@ -398,6 +455,7 @@ class MovingCloth:
             numbers(hinge_numbers(hinges, system.inverse_masses, self._step_s), bent),
         ]
         turned = [numbers(hinges.lengths_m[:, None], bent).flatten(), self._weighed]
+        self._elastic = [*pulled[:-1], *turned]
         last = len(sweeps) - 1
         return [
             *(
@@ -417,9 +475,7 @@ class MovingCloth:
             return list(zip(rows[:-1].tolist(), np.diff(rows).tolist(), strict=True))
         return [(0, int(rows[-1]))]
 
-    def _record_contacts(
-        self, triangles: wp.array, layers: wp.array, pairs: wp.array
-    ) -> list[BusyLaunch]:
+    def _record_contacts(self, triangles: wp.array, layers: wp.array) -> list[BusyLaunch]:
         """Record what pushes cloth off the body and other cloth, but for the body's own surface."""
         system, settings, clearance = self._system, self._settings, self._surface.clearance
         mass = _numbers(system.inverse_masses)
@@ -427,15 +483,44 @@ class MovingCloth:
         state = [moves, self._before, self._place]
         release_m, stick_m = self._step_ways_m
         gaps = settings.self_gap_m, self._gap_m
-        opposite = opposite_vertices(system.edges, system.triangles)
+        near, near_edges = self._near, self._near_edges
+        opposite = opposite_vertices(near_edges.edges.numpy(), system.triangles)
         opposite = wp.array(opposite, dtype=wp.vec2i)
+        stepping = [clearance, self._clock, self._steps, self._step_s, *gaps, self._speed]
+        # Before anything moves: from where it starts, nothing passes through.
+        self._approach = [
+            BusyLaunch(
+                approach_triangles,
+                near.near.count,
+                [near.near, triangles, layers, *stepping],
+                [self._place, near.meetings],
+            ),
+            BusyLaunch(
+                approach_edges,
+                near_edges.near.count,
+                [near_edges.near, near_edges.edges, layers, *stepping],
+                [self._place, near_edges.meetings],
+            ),
+        ]
+        self._parted = wp.zeros(1, dtype=int)
+        apart = [*state, self._parted]
+        self._part = [
+            BusyLaunch(
+                part_edges,
+                near_edges.near.count,
+                [near_edges.meetings, near_edges.edges],
+                apart,
+            ),
+            BusyLaunch(part_triangles, near.near.count, [near.meetings, triangles], apart),
+        ]
+        covered, crossings = self._covered, self._crossings
         return [
             BusyLaunch(
                 push_off_body_vertices,
-                self._covered.count,
+                covered.count,
                 [
-                    *(self._covered.covers, self._covered.from_place, self._covered.to_place),
-                    *(self._covered.up, triangles, mass, self._clock),
+                    *(covered.count, covered.covers, covered.from_place, covered.to_place),
+                    *(covered.up, triangles, mass, self._clock),
                 ],
                 [
                     *(self._carry, settings.cover_gap_m, settings.cover_margin_m),
@@ -444,20 +529,23 @@ class MovingCloth:
             ),
             BusyLaunch(
                 touch_cloth,
-                self._near.count,
-                [self._near.near, triangles, layers, mass],
-                [clearance, *gaps, release_m, settings.cloth_friction, *state],
+                near.near.count,
+                [near.meetings, triangles, mass],
+                [release_m, settings.cloth_friction, *state],
             ),
             BusyLaunch(
                 touch_edges,
-                self._near_edges.count,
-                [self._near_edges.pairs, pairs, layers, mass],
-                [clearance, *gaps, release_m, *state],
+                near_edges.near.count,
+                [near_edges.meetings, near_edges.edges, mass],
+                [release_m, *state],
             ),
             BusyLaunch(
                 untangle,
-                self._crossings.count,
-                [self._crossings.crossed, pairs, opposite, triangles, mass],
+                crossings.count,
+                [
+                    *(crossings.count, crossings.crossed, near_edges.edges),
+                    *(opposite, triangles, mass),
+                ],
                 [settings.untangle_m_s * self._step_s, *state],
             ),
         ]
@@ -469,14 +557,35 @@ class MovingCloth:
         """Set out from the frame before to `frame`; a GPU goes on while this returns."""
         with wp.ScopedDevice(self._device):
             limb_way_m = self._begin(frame)
-            self._step(*self._search_every(limb_way_m))
+            for kept, array in zip(self._kept, self._state, strict=True):
+                wp.copy(kept, array)
+            self._body_every, cloth_every = self._search_every(limb_way_m)
+            self._step(self._body_every, cloth_every)
 
     def arrive(self) -> list[np.ndarray]:
-        """Vertices (V, 3) of each garment in the frame that was set out for."""
-        return self._system.split(self._place.numpy().copy())
+        """Vertices (V, 3) of each garment in the frame that was set out for.
+
+        A frame in which more passes through than in the one before is gone through again, with so
+        many searches that nothing which comes near is overlooked.
+        """
+        vertices, crossing = self._look()
+        if crossing > self._crossing:
+            with wp.ScopedDevice(self._device):
+                for kept, array in zip(self._kept, self._state, strict=True):
+                    wp.copy(array, kept)
+                self._step(self._body_every, self._settings.careful_steps)
+            vertices, crossing = self._look()
+        self._crossing = crossing
+        return vertices
+
+    def _look(self) -> tuple[list[np.ndarray], int]:
+        """Vertices (V, 3) of each garment, and how many edges pass through anything."""
+        vertices = self._system.split(self._place.numpy().copy())
+        return vertices, sum(int(count.sum()) for count in self._seen.find(vertices))
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""
+        self._cloth_every = cloth_every
         find_body, find_cloth, find_once = self._finds or self._searches
         for step in range(self._steps):
             if step % body_every == 0:
@@ -486,7 +595,7 @@ class MovingCloth:
             if step == 0:
                 find_once()
             if step % cloth_every == 0:
-                for contact in self._contacts:
+                for contact in [*self._approach, *self._contacts, *self._part]:
                     contact.find()
             for part in self._solve:
                 part()
@@ -504,6 +613,7 @@ class MovingCloth:
         ways = [body_ways, way_m / settings.way_m]
         searches = np.clip(np.ceil(ways), settings.searches_min, settings.searches_max)
         body_every, cloth_every = np.ceil(self._steps / searches).astype(int).tolist()
+        self._drift = self._speed.numpy().mean(axis=0)
         return body_every, cloth_every
 
     def _find_body(self) -> None:
@@ -524,11 +634,16 @@ class MovingCloth:
     def _find_cloth(self) -> None:
         """Find what the cloth is near to of itself, and what it passes through."""
         settings, near, crossings = self._settings, self._near, self._crossings
-        near.find(self._place, margin_m=settings.margin_m, free_m=settings.free_m)
-        crossings.find(self._place, near.count, near.near)
-        self._near_edges.find(
-            self._place, near.count, near.near, crossings.count, margin_m=settings.edge_margin_m
+        near.find(
+            self._place,
+            self._speed,
+            self._drift,
+            time_s=self._cloth_every * self._step_s,
+            margin_m=settings.margin_m,
+            rest_share=settings.rest_share,
         )
+        crossings.find(self._place, near.near)
+        self._near_edges.find(margin_m=settings.edge_margin_m, rest_share=settings.rest_share)
 
     def _find_once(self) -> None:
         """Find what is found once in a frame: the body's room, and its vertices under cloth."""

@@ -114,12 +114,13 @@ def test_a_sample_is_as_good_as_its_worst_garment():
     """Two garments, of which the second has twice all measures of the first."""
     one = np.linspace(0.1, 0.4, 4)
     names = ("inside_share", "depth_max_m", "stretch_p01", "stretch_p99", "slip_m", "layer_share")
-    names += ("self_share", "acceleration_m_s2", "gap_p05_m")
+    names += ("self_share", "self_crossings", "layer_crossings", "acceleration_m_s2", "gap_p05_m")
     found = summary({name: np.stack([one, 2 * one], axis=1) for name in names})
     least = {name: found.pop(name) for name in ("stretch_low", "gap_p05_m")}
     assert least == {"stretch_low": pytest.approx(0.25), "gap_p05_m": pytest.approx(0.25)}
-    largest = {name: found.pop(name) for name in ("inside_share_max", "slip_m")}
-    assert largest == {"inside_share_max": pytest.approx(0.8), "slip_m": pytest.approx(0.8)}
+    highest = ("inside_share_max", "slip_m", "self_crossings_max", "layer_crossings_max")
+    largest = {name: found.pop(name) for name in highest}
+    assert largest == dict.fromkeys(highest, pytest.approx(0.8))
     assert found.pop("depth_m") == pytest.approx(2 * np.percentile(one, 95))
     assert found == dict.fromkeys(found, pytest.approx(0.5))
 

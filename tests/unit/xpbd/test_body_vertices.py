@@ -51,7 +51,7 @@ def lift(parallel):
             push_off_body_vertices,
             skin.count,
             [
-                *(skin.covers, skin.from_place, skin.to_place, skin.up),
+                *(skin.count, skin.covers, skin.from_place, skin.to_place, skin.up),
                 *(triangles, mass, clock, vectors([0, 0, 0])),
                 *(GAP_M, MARGIN_M, RELEASE_M, STICK_M, friction),
             ],

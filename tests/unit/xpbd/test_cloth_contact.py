@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
 
-from drapeline.xpbd.cloth_contact import touch_cloth
 from toys.contacts import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
 
 # The last vertex is over the middle of a triangle whose corners are the others.
 CORNERS = np.array([[0.0, 0, 0], [0.03, 0, 0], [0, 0.03, 0]])
 
 
-def touch(height, *, before=None, side=1, layer=0, clearance=FAR, friction=0.0, slid=0.0):
+def touch(height, *, before=None, slid=0.0, layer=0, friction=0.0, **options):
     """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     The vertex comes from the height `before`, and slides along x by `slid`.
@@ -16,17 +15,8 @@ def touch(height, *, before=None, side=1, layer=0, clearance=FAR, friction=0.0, 
     middle = CORNERS.mean(axis=0)
     old = np.concatenate([CORNERS, [middle + [0, 0, height if before is None else before]]])
     new = np.concatenate([CORNERS, [middle + [slid, 0, height]]])
-    near, layers = [0, 0, 0, side], [0, 0, 0, layer]
-    found = after_contact(
-        touch_cloth,
-        near,
-        [[0, 1, 2]],
-        old,
-        new,
-        layers=layers,
-        clearance=clearance,
-        friction=(friction,),
-    )
+    layers = [0, 0, 0, layer]
+    found = after_contact([[0, 1, 2]], old, new, layers=layers, friction=friction, **options)
     return *found, new
 
 
@@ -38,9 +28,7 @@ def past(place):
 @pytest.mark.parametrize(("layer", "clearance", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
 def test_what_came_too_close_is_moved_to_the_gap(layer, clearance, gap, side):
-    place, _, new = touch(
-        side * 0.001, before=side * 0.02, side=side, layer=layer, clearance=clearance
-    )
+    place, _, new = touch(side * 0.001, before=side * 0.02, layer=layer, clearance=clearance)
     assert past(place)[2] == pytest.approx(side * gap, abs=1e-6)
     # Nothing from outside pushes.
     np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
@@ -70,3 +58,29 @@ def test_friction_holds_a_share_of_the_push():
     for friction, held in ((0.0, 0.0), (0.01, 0.01 * push), (0.5, slid)):
         place, *_ = touch(0.001, before=0.02, slid=slid, friction=friction)
         assert past(place)[0] == pytest.approx(slid - held, abs=2e-6)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("before", "kept"), [(0.02, 0.002), (0.002, 1e-3), (2e-4, 1.8e-4)])
+def test_nothing_passes_through_however_far_it_would_go(side, before, kept):
+    """What was apart stays apart by a tenth or a millimetre; what was closer, nearly so."""
+    place, then, new = touch(-side * 0.01, before=side * before, apart=True)
+    assert past(place)[2] * side == pytest.approx(kept, abs=1e-6)
+    moved = place - new
+    # Both sides give way alike, and the place that they came from stays.
+    np.testing.assert_allclose(moved[:3], -moved[3:].repeat(3, axis=0), atol=1e-6)
+    assert then[3, 2] == pytest.approx(side * (before + CORNERS.mean(axis=0)[2]), abs=1e-9)
+
+
+def test_what_stays_apart_goes_where_it_would():
+    place, _, new = touch(0.003, before=0.004, slid=0.01, apart=True)
+    np.testing.assert_allclose(place, new, atol=1e-9)
+
+
+def test_a_vertex_beside_a_triangle_may_pass_its_plane():
+    beside = np.array([0.05, 0.0, 0.001])
+    old = np.concatenate([CORNERS, [beside]])
+    new = np.concatenate([CORNERS, [beside - [0, 0, 0.002]]])
+    for apart in (False, True):
+        place, _ = after_contact([[0, 1, 2]], old, new, layers=[0] * 4, friction=0.0, apart=apart)
+        np.testing.assert_allclose(place, new, atol=1e-9)

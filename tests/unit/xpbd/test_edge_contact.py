@@ -8,10 +8,8 @@ from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import make_all_moves, make_moves
 from drapeline.xpbd.edge_contact import (
     Crossings,
-    NearEdges,
     edges_of_triangles,
     opposite_vertices,
-    touch_edges,
     untangle,
 )
 from drapeline.xpbd.stepping import BusyLaunch
@@ -19,20 +17,17 @@ from toys.contacts import FAR, GAPS, MASS, RELEASE_M, after_contact
 from toys.sheets import sheet
 
 
-def touch(height, *, before=None, side=1, layer=0, clearance=FAR, shift=0.0):
+def touch(height, *, before=None, layer=0, shift=0.0, **options):
     """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     An edge along y, shifted along x, crosses another along x at a height; it was at the height
-    `before`. Seen along the normal of the kernel, d x e, the first edge is at `side`.
+    `before`.
     """
     new = np.array([[-0.01, 0, 0], [0.02, 0, 0], [shift, -0.02, height], [shift, 0.01, height]])
     old = new.copy()
     old[2:, 2] = height if before is None else before
-    near, layers = [2 * side, 0], [0, 0, layer, layer]
-    edges = [[0, 1], [2, 3]]
-    return *after_contact(
-        touch_edges, near, edges, old, new, layers=layers, clearance=clearance
-    ), new
+    layers = [0, 0, layer, layer]
+    return *after_contact([[0, 1], [2, 3]], old, new, layers=layers, **options), new
 
 
 def rise(place, at=(1 / 3, 2 / 3)):
@@ -44,27 +39,32 @@ def rise(place, at=(1 / 3, 2 / 3)):
 @pytest.mark.parametrize(("layer", "clearance", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
 def test_edges_that_came_too_close_are_moved_to_the_gap(layer, clearance, gap, side):
-    # The first is below the second, so along d x e, which points up, it is on the negative side.
-    place, _, new = touch(
-        side * 0.001, before=side * 0.02, side=-side, layer=layer, clearance=clearance
-    )
+    place, _, new = touch(side * 0.001, before=side * 0.02, layer=layer, clearance=clearance)
     assert rise(place) == pytest.approx(side * gap, abs=1e-6)
     np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
 
 
 @pytest.mark.parametrize(
     ("height", "shift", "clearance"),
-    [(0.0071, 0.0, FAR), (0.001, 0.021, FAR), (0.0031, 0.0, (0.009, 0.009))],
+    [(0.0071, 0.0, FAR), (0.001, 0.029, FAR), (0.0031, 0.0, (0.009, 0.009))],
 )
 def test_edges_that_do_not_meet_are_left(height, shift, clearance):
-    place, _, new = touch(height, before=0.02, side=-1, shift=shift, clearance=clearance)
+    place, _, new = touch(height, before=height + 0.001, shift=shift, clearance=clearance)
     np.testing.assert_allclose(place, new, atol=1e-9)
 
 
 def test_old_depth_goes_slowly_and_gives_no_speed():
-    place, before, _ = touch(0.001, side=-1)
+    place, before, _ = touch(0.001)
     assert rise(place) == pytest.approx(0.001 + RELEASE_M, abs=1e-6)
     np.testing.assert_allclose((place - before)[:, 2], 0, atol=1e-7)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("before", "kept"), [(0.02, 0.002), (0.002, 1e-3), (2e-4, 1.8e-4)])
+def test_no_edge_passes_through_another(side, before, kept):
+    place, _, new = touch(-side * 0.01, before=side * before, apart=True)
+    assert rise(place) * side == pytest.approx(kept, abs=1e-6)
+    np.testing.assert_allclose((place - new)[:2], -(place - new)[2:], atol=1e-6)
 
 
 def vectors(values, dtype=wp.vec3):
@@ -87,45 +87,40 @@ def searched(parallel):
         layers = vectors(np.repeat([0, 1], [81, 20]).astype(np.int32), int)
         faces = vectors(triangles, wp.vec3i)
         near = NearTriangles(points, faces, layers, 2, parallel=parallel)
-        near.find(points, margin_m=0.012, free_m=0.028)
+        still = wp.zeros_like(points)
+        near.find(points, still, np.zeros(3), time_s=0.0, margin_m=0.012, rest_share=0.9)
         crossings = Crossings(vectors(pairs, wp.vec2i), faces)
-        before = near.count.numpy().copy()
-        crossings.find(points, near.count, near.near)
-        sides = edges_of_triangles(pairs, triangles)
-        near_edges = NearEdges(vectors(pairs, wp.vec2i), vectors(sides, wp.vec3i))
-        near_edges.find(points, near.count, near.near, crossings.count, margin_m=0.01)
-        return pairs, before, near, crossings, near_edges
+        before = near.near.count.numpy().copy()
+        crossings.find(points, near.near)
+        return pairs, before, near.near, crossings
 
     return search
 
 
 def test_edges_through_triangles_are_found_and_have_no_side(searched):
-    pairs, before, near, crossings, near_edges = searched(0.033)
+    pairs, before, near, crossings = searched(0.033)
     crossing = np.flatnonzero(crossings.count.numpy())
     # The strip's four upright threads pass through the level sheet.
     through = [e for e in crossing if (pairs[e] >= 81).all()]
     assert len(through) == 4
     ends = np.unique(pairs[crossing])
     assert (near.count.numpy() == before).all()
-    freed = [(near.near.numpy()[v, : before[v]] == 0).sum() for v in range(len(before))]
+    freed = [(near.other.numpy()[v, : before[v]] < 0).sum() for v in range(len(before))]
     assert sum(freed) >= 4
     assert set(np.flatnonzero(freed)) <= set(ends)
-    assert (near_edges.count.numpy()[crossing] == 0).all()
 
 
 def test_sheets_apart_do_not_cross_but_are_near(searched):
-    _, before, near, crossings, near_edges = searched(0.045)
+    _, before, near, crossings = searched(0.045)
     assert crossings.count.numpy().sum() == 0
     np.testing.assert_array_equal(near.count.numpy(), before)
-    assert all((near.near.numpy()[v, : before[v]] != 0).all() for v in range(len(before)))
+    assert all((near.other.numpy()[v, : before[v]] >= 0).all() for v in range(len(before)))
     assert before[81:].max() > 0
-    assert near_edges.count.numpy().sum() > 0
 
 
 def test_cloth_far_from_other_cloth_is_near_to_nothing(searched):
-    _, before, _, _, near_edges = searched(0.2)
+    _, before, *_ = searched(0.2)
     assert before.sum() == 0
-    assert near_edges.count.numpy().sum() == 0
 
 
 def test_a_quads_diagonal_is_none_of_its_edges():
@@ -169,13 +164,15 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
     move = BusyLaunch(
         untangle,
         crossings.count,
-        [crossings.crossed, edge, opposite, face, vectors(inverse, float)],
+        [crossings.count, crossings.crossed, edge, opposite, face, vectors(inverse, float)],
         [5e-4, moves := make_moves(106 * parallel), before, place],
     )
     left = []
     for _ in range(15):
-        near.find(place, margin_m=0.012, free_m=0.028)
-        crossings.find(place, near.count, near.near)
+        near.find(
+            place, wp.zeros_like(place), np.zeros(3), time_s=0.0, margin_m=0.012, rest_share=0.9
+        )
+        crossings.find(place, near.near)
         left.append(int(crossings.count.numpy().sum()))
         move.find()
         move.launch()

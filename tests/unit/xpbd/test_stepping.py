@@ -44,7 +44,7 @@ def test_those_with_a_count_are_launched_in_order_once_they_are_found():
     count = wp.array(np.int32([0, 2, 0, 1, 3]), dtype=int)
     total = wp.zeros(5, dtype=int)
     seen = wp.full(5, -1, dtype=int)
-    launch = BusyLaunch(_add_count, count, [10], [total, seen])
+    launch = BusyLaunch(_add_count, count, [count, 10], [total, seen])
     launch.launch()
     assert total.numpy().tolist() == [0] * 5
     launch.find()
@@ -66,7 +66,7 @@ def test_nothing_is_launched_for_nothing():
     start_warp()
     empty = wp.zeros(0, dtype=int)
     assert record(_add_count, 0, [empty, empty, 1], [empty, empty]) is None
-    launch = BusyLaunch(_add_count, empty, [1], [empty, empty])
+    launch = BusyLaunch(_add_count, empty, [empty, 1], [empty, empty])
     launch.find()
     launch.launch()
 
