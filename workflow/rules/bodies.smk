@@ -1,5 +1,6 @@
 BODY_SETTINGS = {
-    key: config["body"][key] for key in ("shape_range", "shape_draws", "segment_gap_m")
+    key: config["body"][key]
+    for key in ("shape_range", "shape_draws", "segment_gap_m", "hold_contacts")
 }
 
 

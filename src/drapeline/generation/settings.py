@@ -31,6 +31,13 @@ class BodySettings(Settings):
         le=0.05,
         description="Distance between body parts once a self-collision is resolved, in metres.",
     )
+    hold_contacts: bool = Field(
+        True,
+        description=(
+            "Bend legs and arms a little so that what supports each body is on the floor and "
+            "does not slide; else the motion's angles are kept."
+        ),
+    )
 
 
 class OutfitSettings(Settings):
