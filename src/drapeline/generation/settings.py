@@ -4,6 +4,7 @@ from typing import Annotated
 
 from drapeline.settings import Field, Settings
 
+_Bmi = Annotated[float, Field(ge=10, le=60)]
 _Tightness = Annotated[float, Field(ge=-5, le=5)]
 
 
@@ -17,6 +18,14 @@ class BodySettings(Settings):
         description=(
             "Shape coefficients are drawn uniformly within plus or minus this many standard "
             "deviations."
+        ),
+    )
+    bmi_range: tuple[_Bmi, _Bmi] | None = Field(
+        (16, 45),
+        description=(
+            "Lowest and highest body mass index in kg/m2, at 1010 kg/m3. Its logarithm is drawn "
+            "uniformly, for both genders alike, and decides the second coefficient, corpulence; "
+            "null draws that one as the others."
         ),
     )
     shape_draws: int = Field(
