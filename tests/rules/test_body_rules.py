@@ -88,7 +88,7 @@ def animate(run_rule, toy_body, motion_file, tmp_path, seed=3, **changes):
                 "bmi_range": None,
                 "shape_draws": 2,
                 "segment_gap_m": 0.004,
-                "hold_contacts": False,
+                "fit_motion": False,
             },
         },
     )

@@ -5,7 +5,7 @@ BODY_SETTINGS = {
         "bmi_range",
         "shape_draws",
         "segment_gap_m",
-        "hold_contacts",
+        "fit_motion",
     )
 }
 

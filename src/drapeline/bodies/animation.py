@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drapeline.bodies.contact import floor_contact
-from drapeline.bodies.ground import ground_body, lift_supports
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
+from drapeline.bodies.motion_fit import fit_motion, lift_supports
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
@@ -86,7 +86,7 @@ def first_free_sequence(
     removable: str = "hands",
     shape_range: float = 3.0,
     gap_m: float = 0.004,
-    hold_contacts: bool = True,
+    adapt: bool = True,
     labels: ClipLabels = _UNLABELLED,
 ) -> BodySequence:
     """Put a motion on a body and free it of self-collisions (CLOTH3D 3.1).
@@ -106,8 +106,8 @@ def first_free_sequence(
         removable: what the outfit leaves bare, a key of `REMOVABLE`.
         shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart, metres.
-        hold_contacts: whether what supports the body is put on the floor and held there, with
-            changed poses, see `ground.ground_body`.
+        adapt: whether poses are changed such that what supports the body is held on the floor and
+            limbs keep clear of the trunk, see `motion_fit.fit_motion`; with a reference alone.
 
     Returns:
         The sequence, with the number of shapes given up; that of the last shape if all are
@@ -116,20 +116,20 @@ def first_free_sequence(
     parts = body_parts(body)
     order = _spread(len(poses))
     clip = poses = np.array(poses, dtype=np.float64)
-    held = hold_contacts and reference_leg_length_m is not None
+    fitted = adapt and reference_leg_length_m is not None
     for redrawn, drawn in enumerate(shapes):  # noqa: B007
         shape = np.array(drawn, dtype=np.float64)
-        if held:
+        if fitted:
             scale = _path_scale(body, shape, reference_leg_length_m)
             path = place_on_floor(posed_vertices(body, shape, clip)[0], trans, scale)
-            poses, path, supports = ground_body(body, shape, clip, path)
+            poses, path, supports = fit_motion(body, shape, clip, path)
         freed, order = _free(body, parts, shape, poses, removable, shape_range, gap_m, order)
         if freed is not None:
             break
     else:
         freed = _solve(body, parts, shape, poses, None, gap_m)  # all frames, for the record
     solution = freed.solution
-    if not held:
+    if not fitted:
         scale = _path_scale(body, freed.shape, reference_leg_length_m)
         path = place_on_floor(freed.vertices, trans, scale)
     elif freed.thinned:

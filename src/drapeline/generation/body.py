@@ -30,7 +30,7 @@ def animate(
         removable=plan.removable,
         shape_range=settings.shape_range,
         gap_m=settings.segment_gap_m,
-        hold_contacts=settings.hold_contacts,
+        adapt=settings.fit_motion,
         labels=ClipLabels(
             plan.sub_sequence,
             motion.action,

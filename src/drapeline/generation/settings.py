@@ -40,11 +40,12 @@ class BodySettings(Settings):
         le=0.05,
         description="Distance between body parts once a self-collision is resolved, in metres.",
     )
-    hold_contacts: bool = Field(
+    fit_motion: bool = Field(
         True,
         description=(
-            "Bend legs and arms a little so that what supports each body is on the floor and "
-            "does not slide; else the motion's angles are kept."
+            "Bend each body's legs, arms and back a little so that what supports it is on the "
+            "floor and does not slide, and limbs keep clear of the trunk; else the motion's "
+            "angles are kept."
         ),
     )
 

@@ -142,7 +142,7 @@ def test_no_body_is_made_thinner_than_shapes_are_drawn(toy_body):
 
 
 def test_feet_stand_on_the_floor(toy_body):
-    record = sequence(toy_body, [0.2] * 4, reference_leg_length_m=0.5, hold_contacts=False)
+    record = sequence(toy_body, [0.2] * 4, reference_leg_length_m=0.5, adapt=False)
     world = body_sequence_vertices(toy_body, record, world=True)
     assert world[..., 2].min() == pytest.approx(0, abs=1e-5)
     assert record.penetration_m == pytest.approx(0, abs=1e-5)

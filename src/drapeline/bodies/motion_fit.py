@@ -1,19 +1,23 @@
-"""Set a moving body on the floor: inverse kinematics of all frames together.
+"""Fit a motion to a body, by inverse kinematics of all frames together.
 
 What supports the body is found in its motion (`contact.find_supports`). Then small rotations of the
-joints and a change of the root's path are sought such that supports are on the floor and do not
-slide, nothing else is below it, and the centre of mass falls freely in flights; the changes are
-small and smooth in time. This is a space-time optimisation (M. Gleicher, Retargetting motion to new
-characters, SIGGRAPH 1998), solved by Gauss-Newton steps whose normal equations are banded in time.
+joints and a change of the root's path are sought such that supports are on the floor z = 0 and do
+not slide, nothing else is below it, the centre of mass falls freely in flights, and limbs keep
+clear of the trunk and of each other; the changes are small and smooth in time. This is a space-time
+optimisation (M. Gleicher, Retargetting motion to new characters, SIGGRAPH 1998), solved by
+Gauss-Newton steps whose normal equations are banded in time.
 
 N frames at 30 fps, K points of the body's surface, S = 24 segments, U unknowns of a frame.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.contact import (
@@ -31,6 +35,7 @@ from drapeline.bodies.contact import (
 from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms, pose_feature
 from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.frames import FPS, JOINT_NAMES, PARENTS
+from drapeline.geometry.mesh import vertex_normals
 
 _LOOSENESS = (16, 8, 4, 2, 1, 1, 1, 1, 1, 1)  # of the conditions, step by step
 _CELL_M = 0.012  # of the surface, one point each
@@ -39,9 +44,16 @@ _SUNK_M = 0.001  # how far the patch that bears weight is pressed into the floor
 _CLEAR_M = 0.016  # height of what passes over the floor,
 _CLEAR_STEP_M = 0.012  # but only so much for every frame that it is away from its contact
 _TUCKED = 0.7  # of the way that the body flies, its lowest point does at least
+_LIMB_CELL_M = 0.03
+_ROOT_SHARE = 0.4  # of upper arms and thighs, which may lie against the trunk
+_LIMB_DEPTH_M = 0.01  # limbs may be so deep in the rest of the body, which yields
+_ALIGNED = 0.8  # cosine of the angle between normal and way out
+_LIMB_STEP_M = 0.05  # and are not moved further in one step
+_LOOK_STEPS = 5  # after so many steps it is seen anew which points are close
 # Standard deviations of the least squares.
 _HEIGHT_M = 0.001
 _PULL_M = 0.004  # of supports that are higher than another
+_LIMB_M = 0.006
 _SLIP_M = 0.0005  # per frame
 _FALL_M = 0.03 * GRAVITY_M_S2 / FPS**2  # per frame and frame
 _LIMIT_RAD = 0.01
@@ -89,6 +101,19 @@ _PATCHES = [
     for side in ("left", "right")
 ]
 _PATCHES += [[one] for one in range(SEGMENTS) if not any(one in patch for patch in _PATCHES)]
+
+
+# What keeps clear of what, for each side and its other one.
+_ARM = ("shoulder", "elbow", "wrist", "hand")
+_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+_LEGS = ("left_hip", "left_knee", "right_hip", "right_knee")
+_APART = [
+    ([f"{side}_{part}" for side in ("left", "right") for part in _ARM], (*_TRUNK, *_LEGS)),
+    (["left_hip", "right_hip"], _TRUNK[1:4]),
+    (["left_hip", "left_knee"], ("right_hip", "right_knee")),
+    (["right_hip", "right_knee"], ("left_hip", "left_knee")),
+]
+_ROOTS = {"shoulder": ("shoulder", "elbow"), "hip": ("hip", "knee")}  # joined to the trunk; far end
 
 
 def _above() -> np.ndarray:
@@ -143,47 +168,30 @@ def _rows(pose: _Pose, moments: np.ndarray, axes: tuple[int, ...]) -> tuple[np.n
     return points[..., list(axes)], slopes
 
 
-class _Skin:
-    """Points of a shaped body's surface, and its mass."""
+class _Points:
+    """Points of a shaped body's surface."""
 
-    def __init__(self, body: BodyModel, shape: np.ndarray) -> None:
-        vertices, joints = (part.astype(np.float64) for part in shape_body(body, shape))
-        self.joints = joints - joints[0]
-        vertices -= joints[0]
-        weights = body.weights.astype(np.float64)
-        counts = np.bincount(body.segmentation, minlength=SEGMENTS)
-        mass = (MASS_SHARES / np.maximum(counts, 1))[body.segmentation]
-        places = np.concatenate([vertices, np.ones((len(vertices), 1))], axis=1)
-        self.mass = (weights * (mass / mass.sum())[:, None]).T @ places  # (24, 4)
-        cells = np.floor(body.v_template / _CELL_M).astype(np.int64)
-        ids = np.unique(cells, axis=0, return_index=True)[1]
+    def __init__(self, body: BodyModel, places: np.ndarray, ids: np.ndarray) -> None:
         self.segments = body.segmentation[ids]
-        self.weights, self.places = weights[ids], places[ids]  # (K, 24), (K, 4)
-        self.directions = body.posedirs[ids] if body.has_posedirs else None
-
-    def keep(self, chosen: np.ndarray) -> None:
-        """Leave out all points but those of a mask (K,)."""
-        self.segments, self.weights = self.segments[chosen], self.weights[chosen]
-        self.places = self.places[chosen]
-        if self.directions is not None:
-            self.directions = self.directions[chosen]
-
-    def groups(self) -> list[np.ndarray]:
-        """Ids of each segment's points."""
-        return [np.flatnonzero(self.segments == segment) for segment in range(SEGMENTS)]
+        self.weights = body.weights[ids].astype(np.float64)  # (K, 24)
+        self.places = np.concatenate([places[ids], np.ones((len(ids), 1))], axis=1)  # (K, 4)
+        self._directions = body.posedirs[ids] if body.has_posedirs else None
 
     def at_rest(self, rotations: np.ndarray) -> np.ndarray:
         """(N or 1, K, 4) homogeneous places at rest, moved by what poses change there."""
-        if self.directions is None:
+        if self._directions is None:
             return self.places[None]
-        moved = np.einsum("nf,kaf->nka", pose_feature(rotations), self.directions)
+        moved = np.einsum("nf,kaf->nka", pose_feature(rotations), self._directions)
         return self.places + np.pad(moved, ((0, 0), (0, 0), (0, 1)))
 
-    def points(self, pose: _Pose, places: np.ndarray) -> np.ndarray:
-        """(N, K, 3) metres in the world."""
+    def turns(self, pose: _Pose) -> np.ndarray:
+        """(N, K, 3, 4) motions from rest to the world."""
         blended = self.weights @ pose.transforms.reshape(len(pose.joints), SEGMENTS, 12)
-        blended = blended.reshape(*blended.shape[:2], 3, 4)
-        return (blended @ places[..., None])[..., 0]
+        return blended.reshape(*blended.shape[:2], 3, 4)
+
+    def posed(self, pose: _Pose, places: np.ndarray) -> np.ndarray:
+        """(N, K, 3) metres in the world."""
+        return _move(self.turns(pose), places)
 
     def moments(self, places: np.ndarray, ids: np.ndarray, share: np.ndarray) -> np.ndarray:
         """(N, 24, 4) moments of means of some points with shares (N, k)."""
@@ -191,6 +199,100 @@ class _Skin:
         return np.stack(
             [(share * chosen[..., axis]) @ self.weights[ids] for axis in range(4)], axis=-1
         )
+
+    def spread_moments(self, places: np.ndarray, ids: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """(N, 24, 4) moments of means of points (N, k), others in each frame."""
+        rows = np.arange(len(ids))[:, None] if len(places) > 1 else 0
+        weights = self.weights[ids] * share[..., None]  # (N, k, 24)
+        return np.swapaxes(weights, 1, 2) @ places[rows, ids]
+
+
+def _rotate(turns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(N, K, 3) vectors after the linear part of motions (N, K, 3, 4)."""
+    x, y, z = (vectors[..., axis, None] for axis in range(3))
+    return turns[..., 0] * x + turns[..., 1] * y + turns[..., 2] * z
+
+
+def _move(turns: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(N, K, 3) homogeneous places (..., K, 4) after motions (N, K, 3, 4)."""
+    return _rotate(turns, places) + turns[..., 3]
+
+
+def _mass_moments(body: BodyModel, places: np.ndarray) -> np.ndarray:
+    """(24, 4) moments of the centre of mass."""
+    counts = np.bincount(body.segmentation, minlength=SEGMENTS)
+    mass = (MASS_SHARES / np.maximum(counts, 1))[body.segmentation]
+    whole = np.concatenate([places, np.ones((len(places), 1))], axis=1)
+    return (body.weights * (mass / mass.sum())[:, None]).T @ whole
+
+
+def _thinned(body: BodyModel, cell_m: float) -> np.ndarray:
+    """Vertices of the body, one for each cell of space."""
+    cells = np.floor(body.v_template / cell_m).astype(np.int64)
+    return np.unique(cells, axis=0, return_index=True)[1]
+
+
+class _Shell(NamedTuple):
+    """The body's surface in motion, thinned."""
+
+    skin: _Points
+    rest: np.ndarray  # (N or 1, K, 4) places at rest
+    points: np.ndarray  # (N, K, 3) metres
+    normals: np.ndarray  # (N, K, 3)
+
+
+class _Limbs:
+    """Parts of limbs that keep clear of other parts of the body."""
+
+    def __init__(
+        self, skin: _Points, joints: np.ndarray, limbs: Sequence[str], others: Sequence[str]
+    ) -> None:
+        own = np.isin(skin.segments, [JOINT_NAMES.index(name) for name in limbs])
+        for name in limbs:
+            if _part(name) in _ROOTS:  # the end that is joined to the others touches them
+                joint = JOINT_NAMES.index(name)
+                start = joints[joint]
+                way = joints[JOINT_NAMES.index(name.replace(*_ROOTS[_part(name)]))] - start
+                along = (skin.places[:, :3] - start) @ way / (way @ way)
+                own &= (skin.segments != joint) | (along > _ROOT_SHARE)
+        groups = [np.flatnonzero(own & (skin.segments == JOINT_NAMES.index(n))) for n in limbs]
+        self._groups = [ids for ids in groups if len(ids)]
+        self._limbs = np.concatenate(self._groups)
+        wanted = [JOINT_NAMES.index(name) for name in others]
+        self._others = np.flatnonzero(np.isin(skin.segments, wanted))
+        self._near = np.zeros((0, 0), dtype=np.int64)  # (N, K) closest of the others
+
+    def look(self, shell: _Shell) -> None:
+        """See which points are closest to one another."""
+        found = [
+            KDTree(points[self._others]).query(points[self._limbs])[1] for points in shell.points
+        ]
+        self._near = self._others[np.stack(found)]
+
+    def add_to(self, system: "_Banded", pose: _Pose, shell: _Shell, loose: float) -> None:
+        """Add how deep each part of the limbs is in the others, where it is deepest."""
+        rows = np.arange(len(shell.points))[:, None]
+        outward = shell.normals[rows, self._near]  # (N, K, 3)
+        offset = shell.points[rows, self._near] - shell.points[:, self._limbs]
+        depth = np.einsum("nka,nka->nk", offset, outward)
+        # What is beside the rim of the others is not in them.
+        depth[depth < _ALIGNED * np.linalg.norm(offset, axis=2)] = 0
+        ends = np.cumsum([0, *(len(ids) for ids in self._groups)])
+        parts = [slice(*ends) for ends in pairwise(ends)]
+        excess = np.stack([depth[:, part].max(axis=1) for part in parts], axis=1) - _LIMB_DEPTH_M
+        if not (excess > 0).any():
+            return
+        moments = np.zeros((2, *excess.shape, SEGMENTS, 4))
+        directions = np.zeros((*excess.shape, 3))
+        for group, (ids, part) in enumerate(zip(self._groups, parts, strict=True)):
+            share = patch_weights(-depth[:, part])
+            moments[0, :, group] = shell.skin.moments(shell.rest, ids, share)
+            moments[1, :, group] = shell.skin.spread_moments(shell.rest, self._near[:, part], share)
+            directions[:, group] = np.einsum("nk,nka->na", share, outward[:, part])
+        slopes = [_rows(pose, part, (0, 1, 2))[1] for part in moments]
+        slope = np.einsum("npau,npa->npu", slopes[1] - slopes[0], directions)
+        weight = np.where(excess > 0, 1 / (loose * _LIMB_M) ** 2, 0)
+        system.add([slope], np.clip(excess, 0, _LIMB_STEP_M), weight)
 
 
 class _Banded:
@@ -247,10 +349,10 @@ class _Banded:
         return solved.reshape(self.count, size)
 
 
-def ground_body(
+def fit_motion(
     body: BodyModel, shape: np.ndarray, poses: np.ndarray, path: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Supports]:
-    """Poses and path of a body whose supports are on the floor z = 0.
+    """Poses and path of a body whose supports are on the floor and whose limbs are not in it.
 
     Args:
         shape: (10,).
@@ -280,20 +382,30 @@ def lift_supports(vertices: np.ndarray, path: np.ndarray, flight: np.ndarray) ->
 
 
 class _Fit:
-    """The change (N, U) that sets a body on the floor, step by step."""
+    """The change (N, U) that fits a motion to a body, step by step."""
 
     def __init__(
         self, body: BodyModel, shape: np.ndarray, poses: np.ndarray, path: np.ndarray
     ) -> None:
-        self._skin = skin = _Skin(body, shape)
+        vertices, joints = (part.astype(np.float64) for part in shape_body(body, shape))
+        self._joints, places = joints - joints[0], vertices - joints[0]
         axis_angle = np.asarray(poses, dtype=np.float64).reshape(-1, SEGMENTS, 3)
         self._first, self._path = axis_angle_to_matrix(axis_angle), path
-        pose = _pose(skin.joints, self._first, path)
-        height = skin.points(pose, skin.at_rest(self._first))[..., 2]
-        skin.keep((height < height.min(axis=1, keepdims=True) + _REACH_M).any(axis=0))
-        self._groups = skin.groups()
-        self._mass = np.broadcast_to(skin.mass, (len(path), 1, SEGMENTS, 4))
-        points = skin.points(pose, skin.at_rest(self._first))
+        pose = _pose(self._joints, self._first, path)
+        ids = _thinned(body, _CELL_M)
+        low = _Points(body, places, ids)
+        height = low.posed(pose, low.at_rest(self._first))[..., 2]
+        reach = (height < height.min(axis=1, keepdims=True) + _REACH_M).any(axis=0)
+        self._skin = _Points(body, places, ids[reach])
+        shell = _thinned(body, _LIMB_CELL_M)
+        self._shell = _Points(body, places, shell)
+        self._normals = vertex_normals(places, body.faces)[shell]
+        self._limbs = [_Limbs(self._shell, self._joints, *pair) for pair in _APART]
+        self._taken = 0
+        segments = self._skin.segments
+        self._groups = [np.flatnonzero(segments == segment) for segment in range(SEGMENTS)]
+        self._mass = np.broadcast_to(_mass_moments(body, places), (len(path), 1, SEGMENTS, 4))
+        points = self._skin.posed(pose, self._skin.at_rest(self._first))
         mass_height = _rows(pose, self._mass, (2,))[0][:, 0, 0]
         self.supports = find_supports(points, self._groups, mass_height)
         self._clear = _clearance(self.supports)
@@ -316,12 +428,19 @@ class _Fit:
     def step(self, loose: float) -> None:
         """One Gauss-Newton step, with conditions that are so many times looser."""
         rotations = self._rotations()
-        pose = _pose(self._skin.joints, rotations, self._path + self.change[:, _PATH])
+        pose = _pose(self._joints, rotations, self._path + self.change[:, _PATH])
         places = self._skin.at_rest(rotations)
-        points = self._skin.points(pose, places)
+        points = self._skin.posed(pose, places)
         system = _Banded(len(pose.joints))
         _add_priors(system, self.change)
         _add_limits(system, self.change, self._flexion)
+        rest, turns = self._shell.at_rest(rotations), self._shell.turns(pose)
+        shell = _Shell(self._shell, rest, _move(turns, rest), _rotate(turns, self._normals))
+        for limbs in self._limbs:
+            if self._taken % _LOOK_STEPS == 0:
+                limbs.look(shell)
+            limbs.add_to(system, pose, shell, loose)
+        self._taken += 1
         lack, slopes = self._add_floor(system, pose, places, points, loose)
         if len(points) > 1:
             self._add_standing(system, pose, places, points, loose)
