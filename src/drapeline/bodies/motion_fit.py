@@ -317,7 +317,6 @@ class _Banded:
             for second in range(first, len(slopes)):
                 block = np.swapaxes(slopes[second], 1, 2) @ weighted[first]  # (M, later, earlier)
                 self.blocks[second - first][rows] += block
-        # (`rows` of a block are those of its earlier frame.)
 
     def add_prior(self, change: np.ndarray, sizes: np.ndarray, order: int) -> None:
         """Add squares of differences in time of the change (N, U) itself, over (U,) sizes."""
