@@ -8,7 +8,7 @@ from drapeline.bodies.sequence import load_body_sequence
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.generation.outfit import Wearer, dress, dress_at_rest
-from drapeline.generation.settings import OutfitSettings
+from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import progress, rule_log
@@ -35,9 +35,10 @@ with rule_log(snakemake.log[0]) as log:
             solver.cloth_solver(snakemake.threads, params.hanging["accelerator"]),
             **params.hanging["how"],
         )
-    plans, settings = (
+    plans, settings, bodies = (
         [SamplePlan(**plan) for plan in params.plans],
         OutfitSettings(**params.settings),
+        BodySettings(**params.bodies),
     )
     with atomic_folder(snakemake.output[0]) as folder:
         for plan in progress(plans, total=len(plans), label="outfits"):
@@ -46,7 +47,7 @@ with rule_log(snakemake.log[0]) as log:
                 motion = load_body_sequence(f"{given.bodies}/{plan.sample}.npz")
                 outfit = dress(plan, motion, wearer, settings, params.seed)
             else:
-                outfit = dress_at_rest(plan, params.shape_range, wearer, settings, params.seed)
+                outfit = dress_at_rest(plan, bodies, wearer, settings, params.seed)
             if hanger:
                 outfit, reason = hanger.hang(outfit, wearer.body)
                 if reason:

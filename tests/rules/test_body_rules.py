@@ -83,7 +83,13 @@ def animate(run_rule, toy_body, motion_file, tmp_path, seed=3, **changes):
         params={
             "seed": seed,
             "plans": [asdict(replace(plan, **changes))],
-            "settings": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
+            "settings": {
+                "shape_range": 1.0,
+                "bmi_range": None,
+                "shape_draws": 2,
+                "segment_gap_m": 0.004,
+                "fit_motion": False,
+            },
         },
     )
     return load_body_sequence(tmp_path / "bodies" / "00001.npz")

@@ -45,7 +45,12 @@ def shard(tmp_path_factory, run_rule, baked_bodies):
         output=[folder / "bodies"],
         params={
             **common,
-            "settings": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
+            "settings": {
+                "shape_range": 1.0,
+                "bmi_range": None,
+                "shape_draws": 2,
+                "segment_gap_m": 0.004,
+            },
         },
     )
     run_rule(
@@ -54,6 +59,7 @@ def shard(tmp_path_factory, run_rule, baked_bodies):
         output=[folder / "outfits"],
         params={
             **common,
+            "bodies": {},
             "settings": {
                 "edge_length_m": 0.04,
                 "vertices_min": 0,

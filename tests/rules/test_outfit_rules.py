@@ -23,6 +23,7 @@ PLAN = SamplePlan("00001", "female", "Top+Skirt", "", "walk", 0, 0, 3)
 PARAMS = {
     "seed": 5,
     "plans": [asdict(PLAN)],
+    "bodies": {},
     "settings": {
         "edge_length_m": 0.05,
         "vertices_min": 0,

@@ -65,7 +65,7 @@ def make(run_rule, stages, name="made", hanging=None, elastics=0.5):
         params={
             "seed": 3,
             "plans": [asdict(plan) for plan in PLANS],
-            "shape_range": 1.0,
+            "bodies": {"shape_range": 1.0, "bmi_range": None},
             "settings": {
                 "edge_length_m": 0.035,
                 "vertices_min": 0,

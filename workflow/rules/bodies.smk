@@ -1,5 +1,12 @@
 BODY_SETTINGS = {
-    key: config["body"][key] for key in ("shape_range", "shape_draws", "segment_gap_m")
+    key: config["body"][key]
+    for key in (
+        "shape_range",
+        "bmi_range",
+        "shape_draws",
+        "segment_gap_m",
+        "fit_motion",
+    )
 }
 
 

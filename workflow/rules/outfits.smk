@@ -73,7 +73,7 @@ rule make_outfits:
     params:
         seed=config["seed"],
         plans=shard_plans,
-        shape_range=lookup(dpath="body/shape_range", within=config),
+        bodies={key: config["body"][key] for key in ("shape_range", "bmi_range")},
         settings=group_settings(
             "outfits",
             *("edge_length_m", "vertices_min"),

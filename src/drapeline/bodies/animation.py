@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from drapeline.bodies.contact import floor_contact
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
+from drapeline.bodies.motion_fit import fit_motion, lift_supports
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
@@ -18,22 +20,11 @@ from drapeline.bodies.self_collision import (
     solve_self_collisions,
 )
 from drapeline.bodies.sequence import BodySequence, ClipLabels
-from drapeline.frames import FPS, JOINT_NAMES
+from drapeline.frames import JOINT_NAMES
 
 # The floor is at this percentile of the frames' lowest points: a single stray frame must not lift
 # the whole clip off the ground.
 FLOOR_PERCENTILE = 5.0
-CONTACT_M = 0.015  # a foot whose lowest vertex is below this height stands
-
-
-@dataclass(frozen=True)
-class GroundContact:
-    """Contact of a placed motion with the floor z = 0."""
-
-    penetration_m: float  # greatest depth of any vertex below the floor
-    mean_penetration_m: float  # depth of each frame's lowest vertex below the floor, averaged
-    # Mean horizontal speed of a standing foot's lowest vertex; 0 if no foot ever stands.
-    foot_sliding_m_s: float
 
 
 def leg_length_m(body: BodyModel, shape: np.ndarray) -> float:
@@ -46,6 +37,12 @@ def leg_length_m(body: BodyModel, shape: np.ndarray) -> float:
         )
         lengths.append(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
     return float(np.mean(lengths))
+
+
+def _path_scale(body: BodyModel, shape: np.ndarray, reference_leg_length_m: float | None) -> float:
+    if reference_leg_length_m is None:
+        return 1.0
+    return leg_length_m(body, shape) / reference_leg_length_m
 
 
 def place_on_floor(vertices: np.ndarray, trans: np.ndarray, scale: float) -> np.ndarray:
@@ -61,33 +58,6 @@ def place_on_floor(vertices: np.ndarray, trans: np.ndarray, scale: float) -> np.
     lowest = vertices[:, :, 2].min(axis=1) + path[:, 2]
     path[:, 2] -= np.percentile(lowest, FLOOR_PERCENTILE)
     return path
-
-
-def ground_contact(
-    vertices: np.ndarray, trans: np.ndarray, feet: list[np.ndarray]
-) -> GroundContact:
-    """Measure floor penetration and foot sliding.
-
-    Args:
-        vertices: (N, V, 3) root-relative body.
-        trans: (N, 3) placed root path.
-        feet: vertex ids of each foot.
-    """
-    depth = -(vertices[:, :, 2].min(axis=1) + trans[:, 2])
-    speeds = []
-    for ids in feet:
-        sole = vertices[:, ids] + trans[:, None]
-        lowest = sole[:, :, 2].argmin(axis=1)
-        frames = np.arange(len(sole) - 1)
-        here, there = sole[frames, lowest[:-1]], sole[frames + 1, lowest[:-1]]
-        stands = (here[:, 2] < CONTACT_M) & (there[:, 2] < CONTACT_M)
-        speeds.append(np.linalg.norm((there - here)[stands, :2], axis=1) * FPS)
-    speeds = np.concatenate(speeds)
-    return GroundContact(
-        penetration_m=float(max(depth.max(), 0)),
-        mean_penetration_m=float(np.maximum(depth, 0).mean()),
-        foot_sliding_m_s=float(speeds.mean()) if len(speeds) else 0.0,
-    )
 
 
 # Limbs that may be left out of collisions, by what the outfit leaves bare.
@@ -116,6 +86,7 @@ def first_free_sequence(
     removable: str = "hands",
     shape_range: float = 3.0,
     gap_m: float = 0.004,
+    adapt: bool = True,
     labels: ClipLabels = _UNLABELLED,
 ) -> BodySequence:
     """Put a motion on a body and free it of self-collisions (CLOTH3D 3.1).
@@ -130,10 +101,13 @@ def first_free_sequence(
         trans: (N, 3) world position of the motion's own root joint in metres.
         gender: "female" or "male".
         reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
-            path is scaled by the ratio of leg lengths. None keeps it.
+            path is scaled by the ratio of leg lengths. None keeps poses and path, which is only
+            lifted to the floor.
         removable: what the outfit leaves bare, a key of `REMOVABLE`.
         shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart, metres.
+        adapt: whether poses are changed such that what supports the body is held on the floor and
+            limbs keep clear of the trunk, see `motion_fit.fit_motion`; with a reference alone.
 
     Returns:
         The sequence, with the number of shapes given up; that of the last shape if all are
@@ -141,24 +115,31 @@ def first_free_sequence(
     """
     parts = body_parts(body)
     order = _spread(len(poses))
+    clip = poses = np.array(poses, dtype=np.float64)
+    fitted = adapt and reference_leg_length_m is not None
     for redrawn, drawn in enumerate(shapes):  # noqa: B007
         shape = np.array(drawn, dtype=np.float64)
+        if fitted:
+            scale = _path_scale(body, shape, reference_leg_length_m)
+            path = place_on_floor(posed_vertices(body, shape, clip)[0], trans, scale)
+            poses, path, supports = fit_motion(body, shape, clip, path)
         freed, order = _free(body, parts, shape, poses, removable, shape_range, gap_m, order)
         if freed is not None:
             break
     else:
         freed = _solve(body, parts, shape, poses, None, gap_m)  # all frames, for the record
-    scale = 1.0
-    if reference_leg_length_m is not None:
-        scale = leg_length_m(body, freed.shape) / reference_leg_length_m
     solution = freed.solution
-    path = place_on_floor(freed.vertices, trans, scale)
-    ground = ground_contact(freed.vertices, path, _feet(parts))
+    if not fitted:
+        scale = _path_scale(body, freed.shape, reference_leg_length_m)
+        path = place_on_floor(freed.vertices, trans, scale)
+    elif freed.thinned:
+        path = lift_supports(freed.vertices, path, supports.flight)
+    contact = floor_contact(freed.vertices, path, body.segmentation)
     collided = (solution.depth_m > 0).any(axis=1)
     return BodySequence(
         shape=freed.shape,
         gender=gender,
-        poses=np.array(poses, dtype=np.float64),
+        poses=poses,
         trans=path,
         outcome=_outcome(
             deep=bool(solution.unsolved().any()),
@@ -176,8 +157,10 @@ def first_free_sequence(
         collided_frames=int(collided.sum()),
         leftover_frames=int(solution.leftover.any(axis=1).sum()),
         deepest_m=float(solution.depth_m.max(initial=0)),
-        penetration_m=ground.penetration_m,
-        foot_sliding_m_s=ground.foot_sliding_m_s,
+        penetration_m=contact.penetration_m,
+        sliding_m_s=contact.sliding_m_s,
+        hover_s=contact.hover_s,
+        flight_s=contact.flight_s,
         labels=labels,
     )
 
@@ -312,7 +295,3 @@ def _cure(pair: Pair, removable: str) -> frozenset[str]:
 def _joints_of(parts: frozenset[str]) -> np.ndarray:
     names = [name for part in PART_NAMES if part in parts for name in PART_JOINTS[part]]
     return np.array([JOINT_NAMES.index(name) for name in names], dtype=np.int32)
-
-
-def _feet(parts: BodyParts) -> list[np.ndarray]:
-    return [parts.part_vertices[PART_NAMES.index(f"{side}_foot")] for side in ("left", "right")]

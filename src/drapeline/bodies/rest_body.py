@@ -1,8 +1,9 @@
 """The body that garments are made on: a shape in the rest pose, and how it moves to other poses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import brentq
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
@@ -11,9 +12,55 @@ from drapeline.frames import GENDERS, REST_POSE
 SHAPES = 10
 
 
-def sample_shape(rng: np.random.Generator, shape_range: float) -> np.ndarray:
-    """Shape coefficients (10,), uniform within plus or minus `shape_range` (3 in CLOTH3D 3.1)."""
-    return rng.uniform(-shape_range, shape_range, SHAPES)
+DENSITY_KG_M3 = 1010.0  # of a person who has half breathed out
+CORPULENCE = 1  # the coefficient that changes girth
+_MOST_CORPULENCE = 9.0  # either way; four times what one in a hundred has
+_CLOSE = 1e-6
+
+
+def sample_shape(
+    rng: np.random.Generator,
+    body: BodyModel,
+    shape_range: float,
+    bmi_range: Sequence[float] | None = None,
+) -> np.ndarray:
+    """Random shape coefficients (10,).
+
+    Args:
+        shape_range: they are uniform within plus or minus this (3 in CLOTH3D 3.1).
+        bmi_range: lowest and highest body mass index; its logarithm is uniform, and corpulence is
+            set to it instead, beyond `shape_range` where it has to.
+    """
+    shape = rng.uniform(-shape_range, shape_range, SHAPES)
+    if bmi_range is None:
+        return shape
+    wanted = np.exp(rng.uniform(*np.log(bmi_range)))
+    return shape_of_bmi(body, shape, wanted)
+
+
+def body_mass_index(body: BodyModel, shape: np.ndarray) -> float:
+    """Mass over squared height, kg/m2, at `DENSITY_KG_M3`."""
+    vertices, _ = shape_body(body, shape)
+    a, b, c = (vertices[body.faces[:, i]].astype(np.float64) for i in range(3))
+    volume = np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+    return float(DENSITY_KG_M3 * volume / np.ptp(vertices[:, 1]) ** 2)
+
+
+def shape_of_bmi(body: BodyModel, shape: np.ndarray, bmi: float) -> np.ndarray:
+    """The shape (10,) with the corpulence that leads to a body mass index, or nearest to it."""
+    found = np.array(shape, dtype=np.float64)
+
+    def excess(corpulence: float) -> float:
+        found[CORPULENCE] = corpulence
+        return float(np.log(body_mass_index(body, found) / bmi))
+
+    ends = (-_MOST_CORPULENCE, _MOST_CORPULENCE)
+    low, high = (excess(end) for end in ends)
+    if low * high > 0:
+        found[CORPULENCE] = ends[int(abs(high) < abs(low))]
+    else:
+        found[CORPULENCE] = brentq(excess, *ends, xtol=_CLOSE)
+    return found
 
 
 def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:

@@ -47,8 +47,10 @@ class BodySequence:
     collided_frames: int  # frames in which parts were pressed apart
     leftover_frames: int  # frames in which parts still cross somewhere after that
     deepest_m: float  # greatest distance that a vertex was moved, metres
-    penetration_m: float  # this and the next: see `animation.GroundContact`
-    foot_sliding_m_s: float
+    penetration_m: float  # this and the next three: see `contact.FloorContact`
+    sliding_m_s: float
+    hover_s: float
+    flight_s: float
     labels: ClipLabels
 
 

@@ -117,7 +117,9 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
         "frames": meta["motion"]["frames"],
         "vertices": sum(garment["vertices"] for garment in meta["garments"].values()),
         "floor_penetration_m": meta["motion"]["floor_penetration_m"],
-        "foot_sliding_m_s": meta["motion"]["foot_sliding_m_s"],
+        "contact_sliding_m_s": meta["motion"]["contact_sliding_m_s"],
+        "longest_hover_s": meta["motion"]["longest_hover_s"],
+        "possible_flight_s": meta["motion"]["possible_flight_s"],
         "megabytes": record.cloth3d_bytes / 1e6,
         "megabytes_with_extras": record.total_bytes / 1e6,
     }

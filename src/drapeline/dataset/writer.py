@@ -155,7 +155,9 @@ def _motion(record: BodySequence) -> dict[str, Any]:
         "mirrored": labels.mirrored,
         "frames": len(record.poses),
         "floor_penetration_m": record.penetration_m,
-        "foot_sliding_m_s": record.foot_sliding_m_s,
+        "contact_sliding_m_s": record.sliding_m_s,
+        "longest_hover_s": record.hover_s,
+        "possible_flight_s": record.flight_s,
     }
 
 

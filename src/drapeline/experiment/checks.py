@@ -36,6 +36,9 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
             f"simulation.settings.steps_min is {solver['steps_min']}, expected at most"
             f" steps_max, which is {solver['steps_max']}"
         )
+    bmi = settings["body"]["bmi_range"]
+    if bmi is not None and bmi[0] > bmi[1]:
+        raise InputError(f"body.bmi_range is {list(bmi)}, expected the lower end first")
     for name, group in settings["groups"].items():
         _refuse_group(name, group, settings)
     for name, own in settings["outfits"]["own_garments"].items():

@@ -19,7 +19,10 @@ def animate(
     shapes = rng_for(seed, "shape", plan.sample)
     return first_free_sequence(
         body,
-        (sample_shape(shapes, settings.shape_range) for _ in range(settings.shape_draws)),
+        (
+            sample_shape(shapes, body, settings.shape_range, settings.bmi_range)
+            for _ in range(settings.shape_draws)
+        ),
         piece.poses,
         piece.trans,
         gender=plan.gender,
@@ -27,6 +30,7 @@ def animate(
         removable=plan.removable,
         shape_range=settings.shape_range,
         gap_m=settings.segment_gap_m,
+        adapt=settings.fit_motion,
         labels=ClipLabels(
             plan.sub_sequence,
             motion.action,

@@ -9,7 +9,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import sample_shape
 from drapeline.bodies.sequence import BodySequence
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.generation.settings import OutfitSettings
+from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.outfit import Outfit
@@ -39,15 +39,16 @@ def dress(
 
 
 def dress_at_rest(
-    plan: SamplePlan, shape_range: float, wearer: Wearer, settings: OutfitSettings, seed: int
+    plan: SamplePlan, bodies: BodySettings, wearer: Wearer, settings: OutfitSettings, seed: int
 ) -> Outfit:
     """A unique outfit of the planned type, for a body of its own that does not move.
 
     Args:
-        shape_range: shapes are uniform in plus or minus this.
+        bodies: which shapes there are.
         seed: the experiment's; with the sample's id it fixes its body and its outfit.
     """
-    shape = sample_shape(rng_for(seed, "static", plan.sample, "shape"), shape_range)
+    shapes = rng_for(seed, "static", plan.sample, "shape")
+    shape = sample_shape(shapes, wearer.body, bodies.shape_range, bodies.bmi_range)
     rng = rng_for(seed, "static", plan.sample, "outfit")
     return _sample(rng, plan, shape, wearer, settings)
 

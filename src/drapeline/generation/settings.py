@@ -4,6 +4,7 @@ from typing import Annotated
 
 from drapeline.settings import Field, Settings
 
+_Bmi = Annotated[float, Field(ge=10, le=60)]
 _Tightness = Annotated[float, Field(ge=-5, le=5)]
 
 
@@ -19,6 +20,14 @@ class BodySettings(Settings):
             "deviations."
         ),
     )
+    bmi_range: tuple[_Bmi, _Bmi] | None = Field(
+        (16, 45),
+        description=(
+            "Lowest and highest body mass index in kg/m2, at 1010 kg/m3. Its logarithm is drawn "
+            "uniformly, for both genders alike, and decides the second coefficient, corpulence; "
+            "null draws that one as the others."
+        ),
+    )
     shape_draws: int = Field(
         5,
         ge=1,
@@ -30,6 +39,14 @@ class BodySettings(Settings):
         ge=0,
         le=0.05,
         description="Distance between body parts once a self-collision is resolved, in metres.",
+    )
+    fit_motion: bool = Field(
+        True,
+        description=(
+            "Bend each body's legs, arms and back a little so that what supports it is on the "
+            "floor and does not slide, and limbs keep clear of the trunk; else the motion's "
+            "angles are kept."
+        ),
     )
 
 

@@ -40,7 +40,9 @@ def record():
         leftover_frames=0,
         deepest_m=0.01,
         penetration_m=0.002,
-        foot_sliding_m_s=0.1,
+        sliding_m_s=0.1,
+        hover_s=0.2,
+        flight_s=0.3,
         labels=ClipLabels("walk_s1", "walk", "7", "07_01.bvh", 30),
     )
 

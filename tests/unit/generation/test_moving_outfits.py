@@ -45,7 +45,7 @@ def test_cloth_and_body_move_together(toy_body, motion, skirt):
     assert len(worn.body) == len(worn.garments["Skirt"].frames) == 4
     assert worn.body[0].vertices.shape == (len(toy_body.v_template), 3)
     stride = 0.01 * leg_length_m(toy_body, worn.shape) / motion.reference_leg_length_m
-    np.testing.assert_allclose(np.diff(worn.trans[:, 0]), stride, atol=1e-6)
+    np.testing.assert_allclose(np.diff(worn.trans[:, 0]), stride, rtol=0.1)
     sheet = worn.garments["Skirt"]
     assert sheet.rest.faces.tolist() == sheet.frames[-1].faces.tolist() == skirt.faces.tolist()
     # It stays on: the waist is held, and the hem is still about the legs.
