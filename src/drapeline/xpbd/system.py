@@ -11,6 +11,7 @@ from drapeline.geometry.lanes import LANES, fill_lanes
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
+from drapeline.xpbd.threads import warp_directions
 
 wp.set_module_options({"enable_backward": False})
 
@@ -104,10 +105,10 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
         np.full(len(g.vertices), g.fabric.drag_kg_m2_s / g.fabric.density_kg_m2) for g in garments
     ]
     rest = [g.vertices.astype(np.float64) for g in garments]
-    springs = [
-        make_springs(v, g.faces, g.fabric, g.shrink) for v, g in zip(rest, garments, strict=True)
-    ]
-    hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
+    warps = [warp_directions(v, g.faces) for v, g in zip(rest, garments, strict=True)]
+    woven = list(zip(rest, garments, warps, strict=True))
+    springs = [make_springs(v, g.faces, g.fabric, g.shrink, warp) for v, g, warp in woven]
+    hinges = [make_hinges(v, g.faces, g.fabric, warp) for v, g, warp in woven]
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
     joined_springs, spring_lanes, spring_rows = _join_constraints(
