@@ -130,7 +130,7 @@ def touch_cloth(
     own_gap: float,
     layer_gap: float,
     release: float,
-    friction: float,
+    friction: wp.array[float],
     moves: Moves,
     before: wp.array[wp.vec3],
     place: wp.array[wp.vec3],
@@ -176,7 +176,7 @@ def touch_cloth(
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
                 released = wp.min(old, release)
                 push = depth - old + released
-                slip = held_slip((p - old_p) - (q - old_q), up, friction * (push - released))
+                slip = held_slip((p - old_p) - (q - old_q), up, friction[i] * (push - released))
                 w = inverse_mass[i]
                 wa = inverse_mass[c[0]] * t
                 wb = inverse_mass[c[1]] * u

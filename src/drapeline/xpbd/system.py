@@ -75,6 +75,9 @@ class ClothSystem:
     vertices: np.ndarray  # (V, 3) float32 metres in frame 0
     inverse_masses: np.ndarray  # (V,) in 1/kg
     drag_1_s: np.ndarray  # (V,) rate at which still air takes speed away
+    # skin_friction, self_friction: (V,) coefficients of a vertex's fabric.
+    skin_friction: np.ndarray
+    self_friction: np.ndarray
     triangles: np.ndarray  # (F, 3) int32, halves of a quad next to one another
     edges: np.ndarray  # (E, 2) int32, of all faces
     layers: np.ndarray  # (V,) int32, number of a vertex's garment, from inner to outer
@@ -125,6 +128,8 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
         inverse_masses=1 / np.concatenate(masses),
         drag_1_s=np.concatenate(drag),
+        skin_friction=np.repeat([g.fabric.skin_friction for g in garments], sizes),
+        self_friction=np.repeat([g.fabric.self_friction for g in garments], sizes),
         triangles=_join([triangulate(g.faces) for g in garments], starts),
         edges=_join(pairs, starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import warp as wp
 
 from drapeline.xpbd.cloth_contact import touch_cloth
 from toys.contacts import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
@@ -25,7 +26,7 @@ def touch(height, *, before=None, side=1, layer=0, clearance=FAR, friction=0.0, 
         new,
         layers=layers,
         clearance=clearance,
-        friction=(friction,),
+        friction=(wp.array(np.full(4, friction, np.float32), dtype=float),),
     )
     return *found, new
 
