@@ -81,9 +81,15 @@ def hang(
 
 def hang_disc(solver: ClothSolver, fabric: Fabric, edge_m: float, *, triangles: bool) -> Sheet:
     """Cusick's disc of a fabric, its warp along the X axis."""
-    points, faces = _triangle_disc(edge_m) if triangles else _quad_disc(edge_m)
+    discs = [_triangle_disc(edge_m)] if triangles else [_quad_disc(edge_m, s) for s in (0.5, 0.0)]
+    wanted = np.pi * (PLATE_M + _bend_m(fabric, edge_m)) ** 2
+    held = [_held_near(points, wanted, edge_m) for points, _ in discs]
+    missed = [
+        abs(_hull_area(points[h]) - wanted) for (points, _), h in zip(discs, held, strict=True)
+    ]
+    best = int(np.argmin(missed))
+    (points, faces), held = discs[best], held[best]
     away = np.linalg.norm(points, axis=1)
-    held = np.flatnonzero(away <= _plate_radius(points, away, edge_m) + 1e-5)
     # Slightly wavy, so that folds have something to grow from.
     angle = np.arctan2(points[:, 1], points[:, 0])
     waves = sum(np.sin(wave * angle + wave**2) for wave in _WAVES)
@@ -91,12 +97,22 @@ def hang_disc(solver: ClothSolver, fabric: Fabric, edge_m: float, *, triangles: 
     return hang(solver, np.column_stack([points, height]), faces, held, fabric)
 
 
-def _plate_radius(points: np.ndarray, away: np.ndarray, edge_m: float) -> float:
-    """Within it vertices are held: cloth bends half an edge to both sides of the outermost."""
-    wanted = np.pi * (PLATE_M + edge_m / 2) ** 2
+def _bend_m(fabric: Fabric, edge_m: float) -> float:
+    """How far within the outermost held vertices cloth bends already.
+
+    Their hinges bend it half an edge to both sides; limp cloth hangs as if it bent at the hinge.
+    """
+    length_m = (fabric.bending_n_m / fabric.density_kg_m2 / 9.81) ** (1 / 3)
+    return min(edge_m, length_m) / 2
+
+
+def _held_near(points: np.ndarray, area_m2: float, edge_m: float) -> np.ndarray:
+    """Vertices (P,) about the middle that are held, whose hull has an area as near as can be."""
+    away = np.linalg.norm(points, axis=1)
     near = np.unique(away.round(5))
     near = near[abs(near - PLATE_M) < 1.2 * edge_m]
-    return min(near, key=lambda radius: abs(_hull_area(points[away <= radius + 1e-5]) - wanted))
+    within = [np.flatnonzero(away <= radius + 1e-5) for radius in near]
+    return min(within, key=lambda held: abs(_hull_area(points[held]) - area_m2))
 
 
 def _hull_area(points: np.ndarray) -> float:
@@ -120,9 +136,11 @@ def _shadow_area(sheet: Sheet) -> float:
     return float(np.asarray(picture).sum()) * _PIXEL_M**2
 
 
-def _quad_disc(edge_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """A disc cut from a square grid, its rim laid on the circle: (V, 2) and quads."""
-    shift = 0.5 if round(PLATE_M / edge_m) % 2 else 0.0  # for a rim of plates near the circle
+def _quad_disc(edge_m: float, shift: float) -> tuple[np.ndarray, np.ndarray]:
+    """A disc cut from a square grid, its rim laid on the circle: (V, 2) and quads.
+
+    The grid is shifted by a share of its edges.
+    """
     count = int(np.ceil(RADIUS_M / edge_m)) + 1
     ticks = (np.arange(-count, count + 1) + shift) * edge_m
     points = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
