@@ -29,6 +29,7 @@ _FRAMES = 5 * FPS
 _STEPS, _GAP_M = 14, 0.004
 _PIXEL_M = 0.0005
 _WAVES, _WAVE_M = range(2, 10), 0.0003
+_CLOSE = 0.03  # how well the area that is held has to be met
 _STRIP_M, _CLAMP_ROWS = 0.025, 4
 
 
@@ -81,14 +82,12 @@ def hang(
 
 def hang_disc(solver: ClothSolver, fabric: Fabric, edge_m: float, *, triangles: bool) -> Sheet:
     """Cusick's disc of a fabric, its warp along the X axis."""
-    discs = [_triangle_disc(edge_m)] if triangles else [_quad_disc(edge_m, s) for s in (0.5, 0.0)]
     wanted = np.pi * (PLATE_M + _bend_m(fabric, edge_m)) ** 2
-    held = [_held_near(points, wanted, edge_m) for points, _ in discs]
-    missed = [
-        abs(_hull_area(points[h]) - wanted) for (points, _), h in zip(discs, held, strict=True)
-    ]
-    best = int(np.argmin(missed))
-    (points, faces), held = discs[best], held[best]
+    for shift in (0.5, 0.0):
+        points, faces = _triangle_disc(edge_m) if triangles else _quad_disc(edge_m, shift)
+        held = _held_near(points, wanted, edge_m)
+        if abs(_hull_area(points[held]) / wanted - 1) < _CLOSE:
+            break
     away = np.linalg.norm(points, axis=1)
     # Slightly wavy, so that folds have something to grow from.
     angle = np.arctan2(points[:, 1], points[:, 0])
