@@ -3,7 +3,7 @@
 PYTHONPATH=src:bench .venv/bin/python docs/make_fabrics.py [--measure]
 
 The values are those of `drapeline.outfits.fabrics`. To measure, every fabric is hung by both
-solvers (`bench/drape.py`), which takes a core about ten minutes.
+solvers (`bench/drape.py`), which takes a core a quarter of an hour.
 """
 
 import re
