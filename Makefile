@@ -115,6 +115,7 @@ bodies: .venv/ready
 docs: .venv/ready
 	PYTHONPATH=src $(BIN)/python docs/make_settings.py
 	PYTHONPATH=src $(BIN)/python docs/make_rules.py
+	PYTHONPATH=src $(BIN)/python docs/make_fabrics.py
 
 lock: .venv/ready
 	@{ echo "# Exact versions of the one environment that runs everything (Python 3.11); made by 'make lock'."; \

@@ -75,7 +75,9 @@ def _after_contact(parts, old, new, layers, clearance, friction, apart, *, paral
         wp.launch(part, dim=1, inputs=[busy, meetings, shapes, *state, wp.zeros(1, dtype=int)])
     else:
         mass = wp.array(np.float32(1 / MASS), dtype=float)
-        numbers = [RELEASE_M] if friction is None else [RELEASE_M, friction]
+        numbers = [RELEASE_M]
+        if friction is not None:
+            numbers.append(wp.full(4, friction, dtype=float))
         wp.launch(touch, dim=1, inputs=[busy, meetings, shapes, mass, *numbers, *state])
     wp.launch(make_all_moves, dim=len(moves.weight), inputs=[moves], outputs=[old, new])
     return new.numpy().astype(float), old.numpy().astype(float)

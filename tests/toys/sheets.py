@@ -71,11 +71,11 @@ def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8,
 
 def assert_floor_holds(run):
     """A sheet falls flat onto a floor, and another one is lifted by a floor that rises."""
-    (fall,) = run([sheet(0.1)], 30, path=far_away, floor_m=np.full(30, 0.02))
+    (fall,) = run([sheet(0.1)], 30, path=far_away, floor_m=np.full(30, 0.02), steps=14)
     np.testing.assert_allclose(fall[-1, :, 2], 0.02 + GAP_M, atol=0.001)
     np.testing.assert_allclose(fall[-1, :, :2], fall[0, :, :2], atol=0.002)
     floor_m = np.interp(np.arange(20), [5, 15], [-0.1, 0.0])
-    (lifted,) = run([sheet(-0.095)], 20, path=far_away, floor_m=floor_m)
+    (lifted,) = run([sheet(-0.095)], 20, path=far_away, floor_m=floor_m, steps=14)
     assert lifted[-1, :, 2].min() > GAP_M - 0.001
 
 

@@ -128,7 +128,7 @@ def write_stages(
                 "parameters": {"length": 0.5},
             },
         )
-        for (name, mesh), fabric in zip(meshes.items(), ("cotton", "denim"), strict=True)
+        for (name, mesh), fabric in zip(meshes.items(), ("jersey", "denim"), strict=True)
     )
     tightness = np.array([-1.0, 0.25])
     outfit = Outfit(garments, shape, tightness, tightness, gender)

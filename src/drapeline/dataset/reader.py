@@ -230,8 +230,16 @@ class Sample:
 
     @property
     def fabrics(self) -> dict[str, str | None]:
-        """Garment name -> fabric, or None if it is not stored."""
-        return {name: self.info.outfit.get(name, {}).get("fabric") for name in self.garments}
+        """Garment name -> fabric, or None if it is not stored.
+
+        `info.mat` has one of CLOTH3D's four words for each; `extras/meta.json` its own name.
+        """
+        worn = (self.meta or {}).get("outfit", {}).get("garments", [])
+        told = {garment["name"]: garment.get("fabric") for garment in worn}
+        return {
+            name: told.get(name) or self.info.outfit.get(name, {}).get("fabric")
+            for name in self.garments
+        }
 
     @property
     def tightness(self) -> np.ndarray | None:

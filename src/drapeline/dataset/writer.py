@@ -19,6 +19,7 @@ from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.manifest import write_manifest
+from drapeline.outfits.fabrics import cloth3d_name
 from drapeline.outfits.garment_types import BODY
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
 from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
@@ -184,7 +185,10 @@ def _info(
         shape=record.shape,
         gender=record.gender,
         outfit={
-            garment["name"]: {"texture": garment["texture"], "fabric": garment["fabric"]}
+            garment["name"]: {
+                "texture": garment["texture"],
+                "fabric": cloth3d_name(garment["fabric"]),
+            }
             for garment in description["garments"]
         },
         tightness=np.asarray(description["tightness"]),

@@ -10,6 +10,7 @@ from drapeline.errors import InputError
 from drapeline.experiment.groups import AT_REST, own_settings
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
+from drapeline.outfits.fabrics import FABRICS, fabrics_of
 
 # A shape space needs a mean and a direction.
 _SPACE_GARMENTS = 2
@@ -99,6 +100,12 @@ def _refuse_group(name: str, group: Mapping[str, Any], settings: Mapping[str, An
     ):
         if ends[0] > ends[1]:
             raise InputError(f"{part} is {list(ends)} in {key}, expected the lower end first")
+    for garment in sorted({name for worn in outfits["types"] for name in worn.split("+")}):
+        if not fabrics_of(garment, outfits["fabrics"]):
+            raise InputError(
+                f"outfits.fabrics is {', '.join(outfits['fabrics'])} in {key}, none of which"
+                f" makes a {garment}, expected one of {', '.join(fabrics_of(garment, FABRICS))}"
+            )
     if motions["frames_min"] is not None and motions["frames_min"] > motions["frames"]:
         raise InputError(
             f"motions.frames_min is {motions['frames_min']} in {key}, expected at most"

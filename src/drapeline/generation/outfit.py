@@ -72,5 +72,6 @@ def _sample(
         ranges=OutfitRanges(
             tightness=settings.tightness_range, elastic_chance=settings.elastic_probability
         ),
+        fabrics=settings.fabrics,
         own=wearer.own,
     )

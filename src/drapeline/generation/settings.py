@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from drapeline.settings import Field, Settings
+from drapeline.outfits.fabrics import FABRICS, MEASURED_FABRICS
+from drapeline.settings import EachOnce, Field, OneOf, Settings
 
 _Bmi = Annotated[float, Field(ge=10, le=60)]
 _Tightness = Annotated[float, Field(ge=-5, le=5)]
@@ -64,6 +65,14 @@ class OutfitSettings(Settings):
     )
     tightness_range: tuple[_Tightness, _Tightness] = Field(
         (-1.5, 0.5), description="Both tightness values are drawn uniformly from this range."
+    )
+    fabrics: Annotated[tuple[Annotated[str, OneOf(tuple(FABRICS))], ...], EachOnce()] = Field(
+        MEASURED_FABRICS,
+        min_length=1,
+        description=(
+            "Fabrics to draw from, each for the garments that are made of it; those with "
+            "`blender_` are Blender's presets, of which CLOTH3D was made."
+        ),
     )
     elastic_probability: float = Field(
         0.5,

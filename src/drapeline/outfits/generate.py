@@ -1,6 +1,6 @@
 """Generation of outfits (CLOTH3D 3.2): numbers are drawn, garments made of them for a body."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from drapeline.outfits.distributions import (
     uniform,
 )
 from drapeline.outfits.dress_form import DressForm
-from drapeline.outfits.fabrics import fabric_names
+from drapeline.outfits.fabrics import MEASURED_FABRICS, fabrics_of
 from drapeline.outfits.fit import (
     RESIZE_EDGE_M,
     RESIZE_PASSES,
@@ -45,12 +45,16 @@ _END_M = 0.02  # height of the band that is held at a waist or gathered by an el
 
 
 def sample_numbers(
-    rng: np.random.Generator, outfit_type: str, ranges: OutfitRanges
+    rng: np.random.Generator,
+    outfit_type: str,
+    ranges: OutfitRanges,
+    fabrics: Sequence[str] = MEASURED_FABRICS,
 ) -> list[tuple[str, dict[str, Any]]]:
     """Draw an outfit's random numbers: (name, `Garment.attributes`) from inner to outer.
 
     Args:
         outfit_type: garments joined by "+".
+        fabrics: names to draw from; some may be for other garments only.
     """
     names = outfit_type.split("+")
     out = []
@@ -85,7 +89,7 @@ def sample_numbers(
             (
                 name,
                 {
-                    "fabric": str(rng.choice(fabric_names(upper=garment_type.region == "upper"))),
+                    "fabric": str(rng.choice(fabrics_of(name, fabrics))),
                     "elastic": elastic,
                     "texture": {"type": "color", "data": _colour(rng)},
                     "parameters": parts,
@@ -120,6 +124,7 @@ def sample_outfit(
     edge_length_m: float,
     vertices_min: int = 0,
     ranges: OutfitRanges | None = None,
+    fabrics: Sequence[str] = MEASURED_FABRICS,
     own: Mapping[str, OwnGarment] | None = None,
 ) -> Outfit:
     """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
@@ -131,6 +136,7 @@ def sample_outfit(
         outfit_type: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
         vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
+        fabrics: names to draw from; some may be for other garments only.
         own: garment name -> the user's own, in place of the template.
 
     Returns:
@@ -140,7 +146,7 @@ def sample_outfit(
         InputError: a user's garment is unusable.
     """
     ranges = ranges or OutfitRanges()
-    numbers = sample_numbers(rng, outfit_type, ranges)
+    numbers = sample_numbers(rng, outfit_type, ranges, fabrics)
     tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
     return make_outfit(
         numbers,

@@ -14,8 +14,32 @@ GARMENT_COLOURS = {
     "Jumpsuit": VERMILION,
     "Dress": SKY,
 }
-FABRIC_GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
-FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
+# The others have no highlights.
+FABRIC_GLOSS = {
+    "silk": 0.22,
+    "satin": 0.35,
+    "leather": 0.3,
+    "nylon_shell": 0.2,
+    "blender_silk": 0.22,
+    "blender_leather": 0.3,
+}
+# Blender's presets have the colours of the fabrics that they are called after.
+FABRIC_COLOURS = {
+    "cotton": SKY,
+    "linen": "#D9C9A3",
+    "denim": BLUE,
+    "silk": ORANGE,
+    "satin": PURPLE,
+    "wool_suiting": INK,
+    "jersey": GREEN,
+    "fleece": "#8FD0B5",
+    "leather": VERMILION,
+    "nylon_shell": "#F0E442",
+    "blender_cotton": SKY,
+    "blender_silk": ORANGE,
+    "blender_denim": BLUE,
+    "blender_leather": VERMILION,
+}
 
 
 def garment_colour(garment: str) -> tuple[float, float, float]:

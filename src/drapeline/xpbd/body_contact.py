@@ -321,7 +321,7 @@ def touch_body(
     if depth > 0.0:
         old = wp.clamp(least - wp.dot(o - there, normal), 0.0, depth)
         way = here - there
-        out, then = pushed_out(p, o, way, normal, depth, old, release, friction[0], stick)
+        out, then = pushed_out(p, o, way, normal, depth, old, release, friction[i], stick)
         place[i] = out
         before[i] = then
 

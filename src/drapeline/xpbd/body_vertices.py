@@ -141,7 +141,7 @@ def push_off_body_vertices(
             wc = inverse_mass[c[2]] * v
             share = 1.0 / (wa * w + wb * u + wc * v)
             push = depth - old + released
-            most = friction[0] * (push - released + stick)
+            most = friction[c[0]] * (push - released + stick)
             slip = held_slip((p + n * hit[0] - then) - (p - o), n, most)
             shift = (n * push - slip) * share
             lift = n * (released * share)

@@ -259,7 +259,7 @@ def touch_cloth(
     triangles: wp.array[wp.vec3i],
     inverse_mass: wp.array[float],
     release: float,
-    friction: float,
+    friction: wp.array[float],
     moves: Moves,
     before: wp.array[wp.vec3],
     place: wp.array[wp.vec3],
@@ -280,7 +280,7 @@ def touch_cloth(
             old = wp.clamp(way[3] - wp.dot(old_p - old_q, up), 0.0, depth)
             released = wp.min(old, release)
             push = depth - old + released
-            slip = held_slip((p - old_p) - (q - old_q), up, friction * (push - released))
+            slip = held_slip((p - old_p) - (q - old_q), up, friction[i] * (push - released))
             w = inverse_mass[i]
             wa = inverse_mass[c[0]] * at[0]
             wb = inverse_mass[c[1]] * at[1]

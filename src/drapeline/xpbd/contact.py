@@ -86,7 +86,7 @@ def touch_floor(
         old = wp.clamp(start + carry[0][2] - o[2], 0.0, depth)
         way = wp.vec3(0.0, 0.0, end - start) - carry[0]
         up = wp.vec3(0.0, 0.0, 1.0)
-        out, then = pushed_out(p, o, way, up, depth, old, release, friction[0], stick)
+        out, then = pushed_out(p, o, way, up, depth, old, release, friction[i], stick)
         place[i] = out
         before[i] = then
 

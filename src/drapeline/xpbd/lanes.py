@@ -572,7 +572,7 @@ auto put = [at](const int* which, lanes x, lanes y, lanes z, lanes w) {
 _PULL = """
 const int* one = (const int*)ends.data + 16 * row;
 const int* two = one + 8;
-const loose_lanes* number = (const loose_lanes*)numbers.data + 4 * row;
+const loose_lanes* number = (const loose_lanes*)numbers.data + 6 * row;
 loose_lanes* pulled = (loose_lanes*)pull.data + row;
 loose_lanes* last = (loose_lanes*)lengths.data + row;
 lanes a, b, c, d, e, f, mass, other_mass;
@@ -580,10 +580,12 @@ take(one, a, b, c, mass);
 take(two, d, e, f, other_mass);
 const lanes x = a - d, y = b - e, z = c - f;
 const lanes length = __builtin_elementwise_sqrt(x * x + y * y + z * z) + SHORTEST_M;
-lanes push = number[0] - length - number[2] * (length - *last);
+lanes push = number[0] - length;
+const masks loose = begins ? push > 0.0f : (push > 0.0f) & (*pulled >= 0.0f);
+push -= number[5] * (length - *last);
 if (!begins)
-    push -= number[1] * *pulled;
-push *= share * number[3];
+    push -= (loose ? number[3] : number[1]) * *pulled;
+push *= share * (loose ? number[4] : number[2]);
 *pulled = begins ? push : *pulled + push;
 if (finishes)
     *last = length + push * (mass + other_mass);

@@ -237,9 +237,8 @@ class XpbdSettings:
     # Of the springs in a small step; in each, what share they go of the way to where they are
     # content. The later go beyond, for what other springs take back.
     sweeps: tuple[float, ...] = (1.0, 1.2, 1.4)
-    friction: float = 0.4  # of cloth on the body, as a coefficient of Coulomb's law
-    lead_friction: float = 0.1  # the same during the transition
-    cloth_friction: float = 0.3  # of cloth on cloth
+    # Coefficient of all cloth on the body during the transition; later it is each fabric's own.
+    lead_friction: float = 0.1
     # How fast contacts take away depth that was there before a small step.
     release_m_s: float = 0.567
     # How fast cloth may slip past the body and still be held, however light the contact is.
@@ -289,7 +288,7 @@ class MovingCloth:
         weighed = np.column_stack([system.vertices, system.inverse_masses])
         self._weighed = wp.array(weighed.astype(np.float32), dtype=wp.vec4)
         self._before, self._speed, self._way = (wp.zeros_like(self._place) for _ in range(3))
-        self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
+        self._clock, self._friction = _numbers(np.zeros(2)), _numbers(system.skin_friction)
         self._tick = record(tick, 1, [self._steps], [wp.zeros(1, dtype=int), self._clock])
         self._tick.launch()
         self._strain = _numbers(np.zeros(len(system.vertices)))
@@ -531,7 +530,7 @@ class MovingCloth:
                 touch_cloth,
                 near.near.count,
                 [near.meetings, triangles, mass],
-                [release_m, settings.cloth_friction, *state],
+                [release_m, _numbers(system.self_friction), *state],
             ),
             BusyLaunch(
                 touch_edges,
@@ -673,7 +672,10 @@ class MovingCloth:
                 outputs=[self._speed],
             )
         self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
-        self._friction.fill_(self._settings.lead_friction if leading else self._settings.friction)
+        if leading:
+            self._friction.fill_(self._settings.lead_friction)
+        else:
+            self._friction.assign(self._system.skin_friction.astype(np.float32))
         return float(np.percentile(np.linalg.norm(moved - way, axis=1), 95))
 
 

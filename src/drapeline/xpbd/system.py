@@ -11,6 +11,7 @@ from drapeline.geometry.lanes import LANES, fill_lanes
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
+from drapeline.xpbd.threads import warp_directions
 
 wp.set_module_options({"enable_backward": False})
 
@@ -74,6 +75,9 @@ class ClothSystem:
     vertices: np.ndarray  # (V, 3) float32 metres in frame 0
     inverse_masses: np.ndarray  # (V,) in 1/kg
     drag_1_s: np.ndarray  # (V,) rate at which still air takes speed away
+    # skin_friction, self_friction: (V,) coefficients of a vertex's fabric.
+    skin_friction: np.ndarray
+    self_friction: np.ndarray
     triangles: np.ndarray  # (F, 3) int32, halves of a quad next to one another
     edges: np.ndarray  # (E, 2) int32, of all faces
     layers: np.ndarray  # (V,) int32, number of a vertex's garment, from inner to outer
@@ -104,10 +108,10 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
         np.full(len(g.vertices), g.fabric.drag_kg_m2_s / g.fabric.density_kg_m2) for g in garments
     ]
     rest = [g.vertices.astype(np.float64) for g in garments]
-    springs = [
-        make_springs(v, g.faces, g.fabric, g.shrink) for v, g in zip(rest, garments, strict=True)
-    ]
-    hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
+    warps = [warp_directions(v, g.faces) for v, g in zip(rest, garments, strict=True)]
+    woven = list(zip(rest, garments, warps, strict=True))
+    springs = [make_springs(v, g.faces, g.fabric, g.shrink, warp) for v, g, warp in woven]
+    hinges = [make_hinges(v, g.faces, g.fabric, warp) for v, g, warp in woven]
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
     joined_springs, spring_lanes, spring_rows = _join_constraints(
@@ -124,6 +128,8 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
         inverse_masses=1 / np.concatenate(masses),
         drag_1_s=np.concatenate(drag),
+        skin_friction=np.repeat([g.fabric.skin_friction for g in garments], sizes),
+        self_friction=np.repeat([g.fabric.self_friction for g in garments], sizes),
         triangles=_join([triangulate(g.faces) for g in garments], starts),
         edges=_join(pairs, starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),

@@ -83,7 +83,8 @@ def test_garment_vertices_are_those_simulated(tiny):
 
 def test_labels_are_read(tiny):
     sample = Sample(tiny.folder)
-    assert sample.fabrics == {"Tshirt": "cotton", "Skirt": "denim"}
+    assert sample.fabrics == {"Tshirt": "jersey", "Skirt": "denim"}
+    assert sample.info.outfit["Tshirt"]["fabric"] == "cotton"  # CLOTH3D knows no jersey
     assert (sample.gender, sample.fps, len(sample)) == ("female", 30, 6)
     np.testing.assert_array_equal(sample.tightness, [-1.0, 0.25])
     np.testing.assert_allclose(sample.root_positions(2, 4), tiny.trans[2:4])

@@ -36,6 +36,11 @@ def test_networks_have_widths_for_all_levels_of_the_hierarchies():
     ("given", "message"),
     [
         (
+            {"outfits": {"fabrics": ["denim", "leather"]}},
+            "outfits.fabrics is denim, leather in groups.dataset, none of which makes a Top,"
+            " expected one of cotton, linen, ",
+        ),
+        (
             {"groups": {"learning": {"motions": {"speeds": [1.2, 0.8]}}}},
             r"motions.speeds is \[1.2, 0.8\] in groups.learning, expected the lower end first$",
         ),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.fabrics import MEASURED_FABRICS
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers
 from drapeline.seeding import rng_for
@@ -15,13 +16,20 @@ def numbers_of(index, outfit_type, ranges=None):
     return sample_numbers(rng_for(3, index), outfit_type, ranges or OutfitRanges())
 
 
-def test_upper_garments_are_cotton_or_silk_and_the_others_anything():
+def test_garments_are_of_the_given_fabrics_that_they_are_made_of():
+    given = ("blender_cotton", "blender_silk", "blender_denim", "blender_leather")
     upper, other = set(), set()
     for k in range(300):
-        for name, about in numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)]):
+        outfit_type = OUTFIT_TYPES[k % len(OUTFIT_TYPES)]
+        for name, about in sample_numbers(rng_for(3, k), outfit_type, OutfitRanges(), given):
             (upper if name in ("Tshirt", "Top") else other).add(about["fabric"])
-    assert upper == {"cotton", "silk"}
-    assert other == {"cotton", "silk", "denim", "leather"}
+    assert upper == {"blender_cotton", "blender_silk"}
+    assert other == set(given)
+
+
+def test_if_none_are_given_every_measured_fabric_is_drawn():
+    drawn = {about["fabric"] for k in range(200) for _, about in numbers_of(k, "Tshirt+Trousers")}
+    assert drawn == set(MEASURED_FABRICS)
 
 
 @pytest.mark.parametrize("chance", [0.0, 0.5, 1.0])

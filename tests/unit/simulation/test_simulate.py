@@ -15,6 +15,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import (
     body_frames,
@@ -209,7 +210,8 @@ def test_the_status_says_what_made_the_sample(simulate):
     status, _ = simulate(Follower())
     assert status["solver"] == {"name": "follower", "settings": {"neighbours": 1}}
     assert status["versions"] == {"follower": "1", "numpy": np.__version__}
-    assert status["fabrics"] == {"Skirt": asdict(FABRICS["cotton"])}
+    cotton = {**asdict(FABRICS["cotton"]), "garments": list(GARMENTS)}
+    assert status["fabrics"] == {"Skirt": cotton}
     (attempt,) = status["attempts"]
     assert attempt["steps"] == 6
     assert attempt["measures"]["inside_share_max"] < 0.05

@@ -114,7 +114,7 @@ def between():
         anchor = wp.zeros(count, dtype=int)
         clearance = wp.array(np.full((count, 2), clearance_m, np.float32), dtype=wp.vec2)
         clock = wp.zeros(2, dtype=float)
-        friction = wp.zeros(1, dtype=float)
+        friction = wp.zeros(count, dtype=float)
         inputs = [
             anchor,
             still,

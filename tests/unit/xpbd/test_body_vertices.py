@@ -46,7 +46,7 @@ def lift(parallel):
         body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
         skin.find(place, body, margin_m=MARGIN_M)
         mass = wp.array(np.float32([1, 2, 3]), dtype=float)
-        clock, friction = (wp.zeros(2, dtype=float) for _ in range(2))
+        clock, friction = (wp.zeros(size, dtype=float) for size in (2, 3))
         launch = BusyLaunch(
             push_off_body_vertices,
             skin.count,

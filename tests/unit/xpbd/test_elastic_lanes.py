@@ -23,7 +23,7 @@ STEP_S = 1 / 30 / 42
 def cloth(request):
     """A crumpled sheet, some of whose rows have empty lanes: its system, places and masses."""
     start_warp()
-    piece = sheet(0.0, rows=7, columns=5, fabric=replace(FABRICS["cotton"], bending_n_m=1e-3))
+    piece = sheet(0.0, rows=7, columns=5, fabric=replace(FABRICS["cotton"], bending_warp_n_m=1e-3))
     if request.param:
         piece = replace(piece, faces=triangulate(piece.faces))
     system = join_garments([piece])

@@ -22,7 +22,16 @@ from drapeline.xpbd.stepping import (
     take_speed,
     tick,
 )
-from toys.sheets import GAP_M, assert_floor_holds, beneath_share, drop, far_away, sheet
+from toys.sheets import (
+    GAP_M,
+    Held,
+    assert_floor_holds,
+    beneath_share,
+    drop,
+    far_away,
+    sheet,
+    still,
+)
 
 
 @wp.kernel
@@ -214,6 +223,21 @@ def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):
     assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
 
 
+def test_a_fabric_slides_off_the_body_as_far_as_its_friction_lets_it(run):
+    def beside(friction):
+        fabric = replace(FABRICS["cotton"], skin_friction=friction, self_friction=friction)
+        piece = sheet(0.115, rows=9, edge_m=0.02, fabric=fabric)
+        shifted = piece.vertices + np.float32([0.04, 0, 0])
+        (moved,) = run(
+            [replace(piece, vertices=shifted, pins=Held(np.zeros(81), shifted, still))], 14
+        )
+        return moved[-1, :, 0].mean() - 0.04
+
+    rough, smooth = beside(0.9), beside(0.05)
+    assert smooth > 0.01
+    assert rough < 0.6 * smooth
+
+
 def first_row(weight):
     weights = np.zeros(169, dtype=np.float32)
     weights[:13] = weight
@@ -237,7 +261,8 @@ def test_an_elastic_gathers(run):
     (moved,) = run([piece], 15)
     ends = moved[-1][edges(piece.faces)]
     lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    assert lengths == pytest.approx(np.full(len(lengths), 0.8 * EDGE_M), rel=0.02)
+    assert np.percentile(lengths, 95) < 1.02 * 0.8 * EDGE_M
+    assert lengths.mean() == pytest.approx(0.8 * EDGE_M, rel=0.02)
 
 
 def test_two_runs_agree_to_the_byte(run):

@@ -41,7 +41,7 @@ def all_figures(data, folder):
 @pytest.mark.parametrize(
     ("plot", "words"),
     [
-        (plot_garments, ["Tshirt", "Skirt", "cotton", "denim", "Garments", "3"]),
+        (plot_garments, ["Tshirt", "Skirt", "jersey", "denim", "Garments", "3"]),
         (plot_actions, ["walk", "100.0 %, 18 frames", "Share of the frames (%)"]),
         (plot_splits, ["train", "val", "test", "female", "male", "Sequences"]),
     ],
@@ -95,7 +95,7 @@ def test_a_missing_column_is_named(tmp_path, dataset):
 def test_garments_without_their_fabrics_are_refused(tmp_path, dataset):
     shutil.copytree(dataset.path, tmp_path / "dataset")
     table = tmp_path / "dataset/samples.tsv"
-    table.write_text(table.read_text().replace("cotton+denim", "cotton", 1))
+    table.write_text(table.read_text().replace("jersey+denim", "jersey", 1))
     with pytest.raises(InputError, match="expected one fabric for each garment"):
         plot_garments(tmp_path / "x.svg", tmp_path / "dataset")
 

@@ -76,7 +76,7 @@ def test_the_page_holds_the_sample_within_rounding(tmp_path, dataset):
         np.testing.assert_allclose(about["colour"], part.colour, atol=1e-4)
     assert (header["fps"], header["stride"], header["frames"]) == (30, 1, 6)
     assert "Sample 00004" in text
-    assert "Tshirt of cotton, Skirt of denim" in text
+    assert "Tshirt of jersey, Skirt of denim" in text
 
 
 def test_the_page_needs_no_network(tmp_path, dataset):
