@@ -54,6 +54,26 @@ class BodySequence:
     labels: ClipLabels
 
 
+def press_apart(
+    vertices: np.ndarray,
+    frames: np.ndarray,
+    fix_frame: np.ndarray,
+    fix_vertex: np.ndarray,
+    fix_delta: np.ndarray,
+) -> None:
+    """Correct self-collisions of a posed body in place.
+
+    Args:
+        vertices: (n, V, 3) metres.
+        frames: (n,) their numbers, each once.
+        fix_frame, fix_vertex, fix_delta: see `BodySequence`.
+    """
+    row = np.full(max(frames.max(initial=-1), fix_frame.max(initial=-1)) + 1, -1)
+    row[frames] = np.arange(len(frames))
+    kept = row[fix_frame] >= 0
+    vertices[row[fix_frame[kept]], fix_vertex[kept]] += fix_delta[kept]
+
+
 def body_sequence_vertices(
     body: BodyModel, record: BodySequence, *, world: bool = False, frames: slice = slice(None)
 ) -> np.ndarray:
@@ -64,12 +84,9 @@ def body_sequence_vertices(
         world: whether to add `trans`; else vertices are relative to the root joint, as garments
             and caches are.
     """
-    chosen = np.arange(len(record.poses))[frames]
     vertices, _ = posed_vertices(body, record.shape, record.poses[frames])
-    row = np.full(len(record.poses), -1)
-    row[chosen] = np.arange(len(chosen))
-    kept = row[record.fix_frame] >= 0
-    vertices[row[record.fix_frame[kept]], record.fix_vertex[kept]] += record.fix_delta[kept]
+    chosen = np.arange(len(record.poses))[frames]
+    press_apart(vertices, chosen, record.fix_frame, record.fix_vertex, record.fix_delta)
     if world:
         vertices += record.trans[frames, None].astype(np.float32)
     return vertices
@@ -88,10 +105,14 @@ def first_frames(record: BodySequence, count: int) -> BodySequence:
     )
 
 
+def collides(body: BodyModel, record: BodySequence) -> np.ndarray:
+    """Mask (V,) of the vertices that cloth collides with: all but those of removed segments."""
+    return ~np.isin(body.segmentation, record.removed_segments)
+
+
 def collision_faces(body: BodyModel, record: BodySequence) -> np.ndarray:
-    """Faces (F', 3) int32 that cloth collides with: all but those of removed segments."""
-    gone = np.isin(body.segmentation, record.removed_segments)
-    return body.faces[~gone[body.faces].any(axis=1)]
+    """Faces (F', 3) int32 that cloth collides with."""
+    return body.faces[collides(body, record)[body.faces].all(axis=1)]
 
 
 def save_body_sequence(path: str | Path, record: BodySequence) -> None:

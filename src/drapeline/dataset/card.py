@@ -162,9 +162,10 @@ radians, Z is up.
 
 What CLOTH3D does not have is in `{split}/{id}/extras/`: `{Garment}.f32` (the same vertices in
 single precision, without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is
-needed), `health.npz` (measures of every frame), `meta.json` and `manifest.tsv`. Tables:
-`samples.tsv`, `status.tsv`, `statistics_*.tsv`. `manifest.tsv` lists size and SHA-256 sum of every
-file."""
+needed; in motion it is the one that the cloth met, where overlapping parts of the posed body are
+pressed apart), `Body.npz` and `{Garment}.npz` (what collided, elastics, held vertices),
+`health.npz` (measures of every frame), `meta.json` and `manifest.tsv`. Tables: `samples.tsv`,
+`status.tsv`, `statistics_*.tsv`. `manifest.tsv` lists size and SHA-256 sum of every file."""
 
 _LIMITS = """\
 - The body is the model named above. If that is not SMPL, `poses` and `shape` have SMPL's layout

@@ -11,7 +11,9 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, load_body
 from drapeline.dataset.info_mat import Placement, SampleInfo, read_info, read_placement
 from drapeline.dataset.record import (
+    BODY_MASKS,
     EXTRAS,
+    GARMENT_MASKS,
     HEALTH,
     META,
     SAMPLE_MANIFEST,
@@ -307,7 +309,8 @@ class Sample:
         """Body vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
 
         They are rebuilt from poses and shape if a body model was given, otherwise read from
-        `extras/Body.pc16`.
+        `extras/Body.pc16`. Of our own samples they are those that the cloth met: parts that
+        overlapped are pressed apart.
 
         Raises:
             InputError: neither is available, or the sample was made with another body model.
@@ -316,6 +319,7 @@ class Sample:
         if not self._bodies:
             return self._place(self._cache(BODY).frames(start, stop), start, frame)
         from drapeline.bodies.model import posed_vertices
+        from drapeline.bodies.sequence import press_apart
 
         stop = self.frame_count if stop is None else stop
         if not 0 <= start <= stop <= self.frame_count:
@@ -325,7 +329,33 @@ class Sample:
             )
         poses = self.info.poses[start:stop]
         points, _ = posed_vertices(self._body_model, self.info.shape, poses)
+        if fix := self.masks(BODY):
+            press_apart(
+                points,
+                np.arange(start, stop),
+                *(fix[f"fix_{name}"] for name in ("frame", "vertex", "delta")),
+            )
         return self._place(points, start, frame)
+
+    def masks(self, name: str) -> dict[str, np.ndarray]:
+        """What is said of the vertices of a garment, or of "Body"; nothing if nothing is stored.
+
+        A garment has `elastic` and `held` (V,) float32, 0-1: how much of an elastic a vertex has,
+        and how firmly it was held. The body has `collides` (V,) bool, and where its parts were
+        pressed apart: `fix_delta` (m, 3) metres, `fix_frame` and `fix_vertex` (m,).
+
+        Raises:
+            InputError: the file is damaged.
+            KeyError: there is no such garment.
+        """
+        if name != BODY and name not in self.garments:
+            raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
+        path = self._extras / f"{name}.npz"
+        if not path.is_file():
+            return {}
+        if name == BODY:
+            return dict(load_npz(path, BODY_MASKS, frames=self.frame_count))
+        return dict(load_npz(path, GARMENT_MASKS, vertices=self._cache(name).vertex_count))
 
     def root_positions(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """World position of the root joint in frames [start, stop), (stop - start, 3) float64."""

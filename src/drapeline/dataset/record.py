@@ -29,6 +29,15 @@ META = {
 STATUS = {"id": str, "status": str, "split": str}
 # Measures of every frame, and perhaps of every garment; those that make no sense there are NaN.
 HEALTH = {"*": "any|nan frames ..."}
+# What of a body took part in collisions, and where its parts were pressed apart; how much of an
+# elastic each vertex of a garment has, and how firmly it was held.
+BODY_MASKS = {
+    "collides": "bool vertices",
+    "fix_frame": "int<frames moves",
+    "fix_vertex": "int<vertices moves",
+    "fix_delta": "float moves 3",
+}
+GARMENT_MASKS = {"elastic": "float vertices", "held": "float vertices"}
 # Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
 # OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
 EXTRAS = "extras"

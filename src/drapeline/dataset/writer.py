@@ -1,6 +1,6 @@
 """Write samples as CLOTH3D folders, with extra files in a subfolder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,7 +10,12 @@ import numpy as np
 
 from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.sequence import BodySequence, load_body_sequence
+from drapeline.bodies.sequence import (
+    BodySequence,
+    body_sequence_vertices,
+    collides,
+    load_body_sequence,
+)
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
 from drapeline.errors import InputError
@@ -110,7 +115,17 @@ def write_sample(
                 garment.name: _write_garment(scratch, garment, simulation, len(record.poses))
                 for garment in garments
             }
-            _write_body(scratch, body, record.shape, record.poses)
+            _write_masks(scratch, body, record, garments)
+            # The body that the cloth met: its parts pressed apart.
+            _write_body(
+                scratch,
+                body,
+                record.shape,
+                (
+                    body_sequence_vertices(body, record, frames=part)
+                    for part in _parts(record.poses)
+                ),
+            )
             health = load_npz(simulation / "health.npz", HEALTH, frames=len(record.poses))
             save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
@@ -228,12 +243,39 @@ def _write_garment(
     }
 
 
-def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> None:
+def _parts(frames: np.ndarray) -> Iterator[slice]:
+    """Slices of frames (N, ...), of no more than are held in memory."""
+    return (slice(start, start + _CHUNK) for start in range(0, len(frames), _CHUNK))
+
+
+def _write_body(
+    folder: Path, body: BodyModel, shape: np.ndarray, frames: Iterable[np.ndarray]
+) -> None:
+    """Write the body at rest, and its vertices (n, V, 3) in motion, root-relative."""
     rest, _ = posed_vertices(body, shape, REST_POSE[None].copy())
     save_obj(folder / EXTRAS / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
     with point_cache_writer(folder / EXTRAS / f"{BODY}.pc16", len(body.v_template)) as writer:
-        for start in range(0, len(poses), _CHUNK):
-            writer.append(posed_vertices(body, shape, poses[start : start + _CHUNK])[0])
+        for part in frames:
+            writer.append(part)
+
+
+def _write_masks(
+    folder: Path, body: BodyModel, record: BodySequence, garments: Sequence[Garment]
+) -> None:
+    """Write what of a body collided, where it was pressed apart, and what of garments was held."""
+    save_npz(
+        folder / EXTRAS / f"{BODY}.npz",
+        collides=collides(body, record),
+        fix_frame=record.fix_frame,
+        fix_vertex=record.fix_vertex,
+        fix_delta=record.fix_delta,
+    )
+    for garment in garments:
+        save_npz(
+            folder / EXTRAS / f"{garment.name}.npz",
+            elastic=np.asarray(garment.elastic, dtype=np.float32),
+            held=np.asarray(garment.pin, dtype=np.float32),
+        )
 
 
 class GarmentAnimation(NamedTuple):
@@ -264,4 +306,5 @@ def write_reconstruction(
             single = scratch / EXTRAS / f"{name}.f32"
             with point_cache_writer(single, len(rest.vertices)) as full:
                 full.append(frames)
-        _write_body(scratch, body, info.shape, info.poses)
+        posed = (posed_vertices(body, info.shape, info.poses[p])[0] for p in _parts(info.poses))
+        _write_body(scratch, body, info.shape, posed)

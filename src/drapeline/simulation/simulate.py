@@ -340,7 +340,8 @@ def _attempt(
 ) -> dict[str, Any]:
     """Simulate and measure into the folder, and report."""
     started = time.perf_counter()
-    monitor = HealthMonitor([watch(g) for g in dressed.outfit.garments], dressed.faces)
+    # Of all of the body, as anybody sees it, whatever took part in collisions.
+    monitor = HealthMonitor([watch(g) for g in dressed.outfit.garments], dressed.body.faces)
     failure = ""
     with TemporaryDirectory(dir=folder) as name:
         frames = _simulate(dressed, solver, attempt, Path(name))
@@ -437,6 +438,11 @@ def _cloth_garment(
     )
 
 
+def _as_published(vertices: np.ndarray) -> np.ndarray:
+    """Vertices as PC16 files have them, in half precision, as float32."""
+    return vertices.astype(np.float16).astype(np.float32)
+
+
 def _write_and_measure(
     folder: Path,
     dressed: DressedBody,
@@ -453,7 +459,7 @@ def _write_and_measure(
         for cloths, body in frames:
             for writer, cloth in zip(writers, cloths, strict=True):
                 writer.append(cloth)
-            monitor.add(cloths, body)
+            monitor.add([_as_published(cloth) for cloth in cloths], _as_published(body))
             if bounds and inevitable_violations(
                 monitor.arrays(), bounds, len(dressed.motion.poses)
             ):

@@ -1,5 +1,6 @@
 import errno
 import tracemalloc
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from drapeline import __version__
 from drapeline.bodies.model import load_body, posed_vertices
+from drapeline.bodies.sequence import load_body_sequence, save_body_sequence
 from drapeline.dataset import writer
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.reader import Sample
@@ -18,10 +20,11 @@ from drapeline.dataset.writer import (
     write_sample,
 )
 from drapeline.errors import InputError
-from drapeline.frames import PARENTS, REST_POSE
+from drapeline.frames import JOINT_NAMES, PARENTS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache, PointCacheWriter, point_cache_writer
+from drapeline.outfits.outfit import load_outfit
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
 from toys.tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample
@@ -47,6 +50,7 @@ def test_the_folder_holds_cloth3d_files_and_the_extras(tiny):
     cloth3d = {"info.mat", *(f"{name}.{suffix}" for name in GARMENTS for suffix in ("obj", "pc16"))}
     extras = {"meta.json", "manifest.tsv", "health.npz", "Body.obj", "Body.pc16"}
     extras |= {f"{name}.f32" for name in GARMENTS}
+    extras |= {f"{name}.npz" for name in ("Body", *GARMENTS)}
     assert files == cloth3d | {f"extras/{name}" for name in extras}
 
 
@@ -58,6 +62,52 @@ def test_poses_and_shape_rebuild_the_stored_body(tiny, toy_body):
     half = 2.0**-11 * np.maximum(np.abs(rebuilt - info.trans[:, None]), 0.5)
     assert (np.abs(stored - rebuilt) <= half + 1e-6).all()
     np.testing.assert_allclose(rebuilt, body_truth(toy_body, tiny), atol=1e-6)
+
+
+def test_the_body_is_the_one_that_the_cloth_met(tmp_path, toy_body):
+    """Where it overlapped itself it is pressed apart, whether read or rebuilt from its poses."""
+    tiny = write_tiny_sample(tmp_path, toy_body)
+    record = tiny.stages / "bodies/00001.npz"
+    motion = load_body_sequence(record)
+    delta = np.float32([[0, 0.03, 0], [0.02, 0, 0]])
+    last = len(motion.poses) - 1
+    pressed = replace(
+        motion,
+        fix_frame=np.int32([0, last]),
+        fix_vertex=np.int32([3, 5]),
+        fix_delta=delta,
+    )
+    save_body_sequence(record, pressed)
+    write(tiny, toy_body)
+    stored = Sample(tiny.folder).body_vertices(frame="root")
+    rebuilt = Sample(tiny.folder, bodies={"female": toy_body}).body_vertices(frame="root")
+    posed, _ = posed_vertices(toy_body, motion.shape, motion.poses)
+    np.testing.assert_allclose(
+        rebuilt[[0, last], [3, 5]] - posed[[0, last], [3, 5]], delta, atol=1e-6
+    )
+    np.testing.assert_allclose(stored, rebuilt, atol=1e-3)
+    (one,) = Sample(tiny.folder, bodies={"female": toy_body}).body_vertices(
+        last, last + 1, frame="root"
+    )
+    np.testing.assert_array_equal(one, rebuilt[last])
+
+
+def test_masks_tell_what_collided_and_what_was_held(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body)
+    sample = Sample(tiny.folder)
+    hands = [JOINT_NAMES.index(f"{side}_hand") for side in ("left", "right")]
+    collides = sample.masks("Body")["collides"]
+    np.testing.assert_array_equal(collides, ~np.isin(toy_body.segmentation, hands))
+    for garment in load_outfit(
+        *(tiny.stages / f"outfits/00001.{s}" for s in ("npz", "json"))
+    ).garments:
+        masks = sample.masks(garment.name)
+        np.testing.assert_array_equal(masks["elastic"], garment.elastic)
+        np.testing.assert_array_equal(masks["held"], garment.pin)
+    with pytest.raises(KeyError, match="no garment Hat"):
+        sample.masks("Hat")
+    (tiny.folder / "extras/Body.npz").unlink()
+    assert Sample(tiny.folder).masks("Body") == {}
 
 
 def test_the_rest_body_stands_with_legs_open_and_its_root_at_the_origin(tiny, toy_body):
