@@ -67,8 +67,8 @@ class HealthMonitor:
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
-            self._crossings = Crossings(cloths, self._faces_of)
-        crossing, across = self._crossings.find(cloths)
+        crossings = self._crossings_of(cloths)
+        crossing, across = crossings.find(cloths)
         row: dict[str, list[float]] = {}
         sheets = self._inner_layers(cloths)
         distance, inside = self._surface_at(body).locate(np.concatenate(cloths))
@@ -84,7 +84,7 @@ class HealthMonitor:
                 (float(sheet.beneath(cloth, _LAYER_REACH_M).mean()) for sheet in sheets[:g]),
                 default=0.0,
             )
-            values["self_share"] = float(crossing[g] / self._crossings.edge_counts[g])
+            values["self_share"] = float(crossing[g] / crossings.edge_counts[g])
             values["self_crossings"] = float(crossing[g])
             values["layer_crossings"] = float(across[g])
             values["acceleration_m_s2"] = np.nan
@@ -99,6 +99,12 @@ class HealthMonitor:
             ]
         self._rows.append(row)
         return row
+
+    def _crossings_of(self, cloths: Sequence[np.ndarray]) -> Crossings:
+        """Crossings of all garments, indexed in the first frame."""
+        if self._crossings is None:
+            self._crossings = Crossings(cloths, self._faces_of)
+        return self._crossings
 
     def _surface_at(self, body: np.ndarray) -> MovingSurface:
         """The body's surface, indexed in the first frame."""

@@ -70,10 +70,13 @@ class HealthBounds(Settings):
         description="Deepest vertex inside the body, 95th percentile over frames, in metres.",
     )
     stretch_low: float = Field(
-        0.82,
+        0.75,
         ge=0,
         le=1,
-        description="Edge length divided by rest length, 1st percentile, mean over frames.",
+        description=(
+            "Edge length divided by rest length, 1st percentile, mean over frames. Threads that "
+            "are pushed buckle, between the vertices of a mesh too."
+        ),
     )
     stretch_high: float = Field(1.25, ge=1, le=10, description="The same, 99th percentile.")
     slip_m: float = Field(
