@@ -6,8 +6,9 @@ from fractions import Fraction
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.lanes import LaneInts, make_patches, near_code, repeat_first
 from drapeline.geometry.mesh import edges, triangulate
-from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
+from drapeline.geometry.warp_mesh import start_warp
 
 _DEVICE = "cpu"
 _OWN = wp.constant(1)  # bits: through a triangle of the edge's own garment
@@ -49,48 +50,144 @@ def _point(points: wp.array[wp.vec3], i: int):
 
 
 @wp.kernel
-def _find(
-    mesh: wp.uint64,
-    pairs: wp.array[wp.vec2i],
+def _box_triangles(
+    points: wp.array[wp.vec3],
+    triangles: wp.array[wp.vec3i],
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+):
+    face = wp.tid()
+    corners = triangles[face]
+    a = points[corners[0]]
+    b = points[corners[1]]
+    c = points[corners[2]]
+    lower[face] = wp.min(a, wp.min(b, c))
+    upper[face] = wp.max(a, wp.max(b, c))
+
+
+# Triangles whose boxes meet those of edges of a patch, and that have no corner in common with them.
+_FIND_CLOSE = """
+const int* ends = (const int*)edges.data;
+lanes end_x, end_y, end_z;
+masks first, second;
+for (int k = 0; k < 8; ++k) {
+    first[k] = ends[2 * which[k]];
+    second[k] = ends[2 * which[k] + 1];
+    const wp::vec3 end = points.data[second[k]];
+    low = wp::min(low, end);
+    high = wp::max(high, end);
+    end_x[k] = end[0];
+    end_y[k] = end[1];
+    end_z[k] = end[2];
+}
+auto lesser = [](lanes a, lanes b) { return __builtin_elementwise_min(a, b); };
+auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
+const lanes low_x = lesser(x, end_x), low_y = lesser(y, end_y), low_z = lesser(z, end_z);
+const lanes high_x = greater(x, end_x), high_y = greater(y, end_y), high_z = greater(z, end_z);
+const int room = close.shape[0];
+int found = close_count.data[0];
+auto look = [&](int face) {
+    const wp::vec3 from = lower.data[face], to = upper.data[face];
+    masks here = (high_x >= from[0]) & (low_x <= to[0]) & (high_y >= from[1]) & (low_y <= to[1]);
+    here &= (high_z >= from[2]) & (low_z <= to[2]);
+    if (!any(here))
+        return;
+    const int* corners = (const int*)triangles.data + 3 * face;
+    for (int k = 0; k < 3; ++k)
+        here &= (first != corners[k]) & (second != corners[k]);
+    if (!any(here))
+        return;
+    for (int k = 0; k < size; ++k)
+        if (here[k]) {
+            if (found < room)
+                close.data[found] = wp::vec_t<2, int>(which[k], face);
+            ++found;
+        }
+};
+descend(look);
+close_count.data[0] = found;
+"""
+
+
+@wp.func_native(near_code("points.data[((const int*)edges.data)[2 * number]]", _FIND_CLOSE))
+def _find_close(
+    tree: wp.uint64,
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    patches: wp.array[LaneInts],
+    patch: int,
+    sizes: wp.array[int],
+    edges: wp.array[wp.vec2i],
+    triangles: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    margin: float,
+    close_count: wp.array[int],
+    close: wp.array[wp.vec2i],
+): ...
+
+
+@wp.kernel
+def _find_close_in_lanes(
+    patches: wp.array[LaneInts],  # edges; empty lanes repeat the first
+    sizes: wp.array[int],
+    tree: wp.uint64,
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    edges: wp.array[wp.vec2i],
+    triangles: wp.array[wp.vec3i],
+    points: wp.array[wp.vec3],
+    margin: float,
+    close_count: wp.array[int],
+    close: wp.array[wp.vec2i],  # edge and triangle
+):
+    _find_close(
+        tree,
+        lower,
+        upper,
+        patches,
+        wp.tid(),
+        sizes,
+        edges,
+        triangles,
+        points,
+        margin,
+        close_count,
+        close,
+    )
+
+
+@wp.kernel
+def _decide(
+    close: wp.array[wp.vec2i],
+    points: wp.array[wp.vec3],
+    edges: wp.array[wp.vec2i],
+    triangles: wp.array[wp.vec3i],
     layers: wp.array[int],
     through: wp.array[int],
-    open_count: wp.array[int],
-    open_pairs: wp.array[wp.vec2i],  # edge and triangle that rounding leaves open
+    open_pairs: wp.array[int],  # those that rounding leaves open
 ):
-    edge = wp.tid()
-    points = wp.mesh_get(mesh).points
-    corners = wp.mesh_get(mesh).indices
-    i = pairs[edge][0]
-    j = pairs[edge][1]
+    pair = wp.tid()
+    edge = close[pair][0]
+    corners = triangles[close[pair][1]]
+    i = edges[edge][0]
     p = _point(points, i)
-    q = _point(points, j)
-    low = wp.min(points[i], points[j])
-    query = wp.mesh_query_aabb(mesh, low, wp.max(points[i], points[j]))
-    face = int(0)  # noqa: RUF046, UP018
-    found = int(0)  # noqa: RUF046, UP018
-    while wp.mesh_query_aabb_next(query, face):
-        ia = corners[3 * face]
-        ib = corners[3 * face + 1]
-        ic = corners[3 * face + 2]
-        if ia != i and ib != i and ic != i and ia != j and ib != j and ic != j:
-            a = _point(points, ia)
-            b = _point(points, ib)
-            c = _point(points, ic)
-            above = _side(a, b, c, p)
-            beneath = _side(a, b, c, q)
-            if above * beneath <= 0:
-                x = _side(p, q, a, b)
-                y = _side(p, q, b, c)
-                z = _side(p, q, c, a)
-                if x * y >= 0 and y * z >= 0 and z * x >= 0:
-                    bit = wp.where(layers[ia] == layers[i], _OWN, _OTHER)
-                    if above * beneath < 0 and x * y > 0 and y * z > 0:
-                        found = found | bit
-                    elif (found & bit) == 0:
-                        slot = wp.atomic_add(open_count, 0, 1)
-                        if slot < open_pairs.shape[0]:
-                            open_pairs[slot] = wp.vec2i(edge, face)
-    through[edge] = found
+    q = _point(points, edges[edge][1])
+    a = _point(points, corners[0])
+    b = _point(points, corners[1])
+    c = _point(points, corners[2])
+    open_pairs[pair] = 0
+    above = _side(a, b, c, p)
+    beneath = _side(a, b, c, q)
+    if above * beneath <= 0:
+        x = _side(p, q, a, b)
+        y = _side(p, q, b, c)
+        z = _side(p, q, c, a)
+        if x * y >= 0 and y * z >= 0 and z * x >= 0:
+            if above * beneath < 0 and x * y > 0 and y * z > 0:
+                bit = wp.where(layers[corners[0]] == layers[i], _OWN, _OTHER)
+                through[edge] = through[edge] | bit
+            else:
+                open_pairs[pair] = 1
 
 
 class Crossings:
@@ -109,16 +206,61 @@ class Crossings:
         sizes = list(map(len, vertices))
         starts = np.concatenate([[0], np.cumsum(sizes)])
         halves = [triangulate(part) + start for part, start in zip(faces, starts[:-1], strict=True)]
+        start_warp()
+        points = np.concatenate(vertices).astype(np.float32)
         self._triangles = np.concatenate(halves).astype(np.int32)
-        self._mesh = warp_mesh(np.concatenate(vertices), self._triangles)
         self._pairs = edges(self._triangles).astype(np.int32)
         self._layers = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
-        self._edges = wp.array(self._pairs, dtype=wp.vec2i, device=_DEVICE)
-        self._layer_of = wp.array(self._layers, dtype=int, device=_DEVICE)
+        patches = make_patches(points[self._pairs].mean(axis=1), self._layers[self._pairs[:, 0]])
+        self._points, self._faces, self._edges, self._layer_of, self._patches, self._sizes = (
+            wp.array(values, dtype=kind, device=_DEVICE)
+            for values, kind in (
+                (points, wp.vec3),
+                (self._triangles, wp.vec3i),
+                (self._pairs, wp.vec2i),
+                (self._layers, int),
+                (repeat_first(patches), LaneInts),
+                ((patches >= 0).sum(axis=1), int),
+            )
+        )
+        self._lower, self._upper = (
+            wp.zeros(len(self._triangles), dtype=wp.vec3, device=_DEVICE) for _ in range(2)
+        )
+        self._box()
+        self._tree = wp.Bvh(self._lower, self._upper)
         self._through = wp.zeros(len(self._pairs), dtype=int, device=_DEVICE)
-        self._open_count = wp.zeros(1, dtype=int, device=_DEVICE)
-        self._open = wp.zeros(len(self._pairs), dtype=wp.vec2i, device=_DEVICE)
+        self._close_count = wp.zeros(1, dtype=int, device=_DEVICE)
+        self._expect(len(self._pairs))
         self.edge_counts = np.bincount(self._layers[self._pairs[:, 0]], minlength=len(sizes))
+
+    def _expect(self, count: int) -> None:
+        """Make room for so many edges that are close to a triangle."""
+        self._close = wp.zeros(count, dtype=wp.vec2i, device=_DEVICE)
+        self._open = wp.zeros(count, dtype=int, device=_DEVICE)
+
+    def _box(self) -> None:
+        wp.launch(
+            _box_triangles,
+            dim=len(self._faces),
+            inputs=[self._points, self._faces],
+            outputs=[self._lower, self._upper],
+            device=_DEVICE,
+        )
+
+    def _find_close(self) -> int:
+        """Number of pairs of an edge and a triangle whose boxes meet."""
+        self._close_count.zero_()
+        wp.launch(
+            _find_close_in_lanes,
+            dim=len(self._patches),
+            inputs=[
+                *(self._patches, self._sizes, wp.uint64(self._tree.id), self._lower, self._upper),
+                *(self._edges, self._faces, self._points, 0.0),
+            ],
+            outputs=[self._close_count, self._close],
+            device=_DEVICE,
+        )
+        return int(self._close_count.numpy()[0])
 
     def find(self, vertices: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (G,) of each garment's edges that pass through itself, and through others.
@@ -136,20 +278,28 @@ class Crossings:
     def edges_through(self, vertices: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Masks (E,) of the edges that pass through their own garment, and through others."""
         points = np.concatenate(vertices).astype(np.float32)
-        move_mesh(self._mesh, points)
-        self._open_count.zero_()
+        self._points.assign(points)
+        self._box()
+        self._tree.refit()
+        count = self._find_close()
+        if count > len(self._close):
+            self._expect(2 * count)
+            self._find_close()
+        self._through.zero_()
+        cloth = [self._points, self._edges, self._faces, self._layer_of]
         wp.launch(
-            _find,
-            dim=len(self._edges),
-            inputs=[self._mesh.id, self._edges, self._layer_of],
-            outputs=[self._through, self._open_count, self._open],
+            _decide,
+            dim=count,
+            inputs=[self._close, *cloth],
+            outputs=[self._through, self._open],
             device=_DEVICE,
         )
         through = self._through.numpy().copy()
-        for edge, face in self._open.numpy()[: self._open_count.numpy()[0]].tolist():
+        unsure = np.flatnonzero(self._open.numpy()[:count])
+        for edge, face in self._close.numpy()[unsure].tolist():
             corners = self._triangles[face]
-            same = self._layers[corners[0]] == self._layers[self._pairs[edge, 0]]
             if passes_through(points[self._pairs[edge]], points[corners]):
+                same = self._layers[corners[0]] == self._layers[self._pairs[edge, 0]]
                 through[edge] |= _OWN if same else _OTHER
         return (through & _OWN) > 0, (through & _OTHER) > 0
 
