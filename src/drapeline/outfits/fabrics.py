@@ -74,7 +74,7 @@ _NO_SHIRTS = tuple(name for name in GARMENTS if name not in ("Tshirt", "Top"))
 
 # Where values come from is in docs/background/fabrics.md. Garments draw from the names in the order
 # of `outfits.fabrics`.
-FABRICS = {
+_MEASURED = {
     # Poplin: plain weave of fine yarns, for shirts and summer dresses.
     "cotton": Fabric(
         density_kg_m2=0.12,
@@ -219,7 +219,7 @@ FABRICS = {
         cloth3d="silk",
     ),
 }
-MEASURED_FABRICS = tuple(FABRICS)
+MEASURED_FABRICS = tuple(_MEASURED)
 
 
 def _blender_preset(
@@ -252,7 +252,8 @@ def _blender_preset(
 
 
 # CLOTH3D was made with these presets; no cloth of their names is so heavy, and so limp.
-FABRICS |= {
+FABRICS = {
+    **_MEASURED,
     "blender_cotton": _blender_preset("cotton", 0.3, 135, 2.25e-7, 0.015),
     "blender_silk": _blender_preset("silk", 0.15, 45, 2.25e-8, 0.0),
     "blender_denim": _blender_preset("denim", 1.0, 360, 4.5e-6, 0.075, _NO_SHIRTS),
