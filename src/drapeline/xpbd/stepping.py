@@ -564,11 +564,11 @@ class MovingCloth:
     def arrive(self) -> list[np.ndarray]:
         """Vertices (V, 3) of each garment in the frame that was set out for.
 
-        If something passes through for the first time, the frame is gone through again, with so
+        A frame in which more passes through than in the one before is gone through again, with so
         many searches that nothing which comes near is overlooked.
         """
         vertices, crossing = self._look()
-        if crossing and not self._crossing:
+        if crossing > self._crossing:
             with wp.ScopedDevice(self._device):
                 for kept, array in zip(self._kept, self._state, strict=True):
                     wp.copy(array, kept)

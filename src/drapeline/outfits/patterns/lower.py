@@ -84,9 +84,10 @@ def build_trousers(
     rings = np.stack([ring(hips, z, GAP_M + cut.ease, 2 * half) for z in heights])
     ids = _sew(pattern, rings, waist_ids)
     bridge = _bridge(pattern, ids[-1], half, crotch, e)
-    for side in ("left", "right"):
-        _leg(pattern, form, cut, ids, bridge, side, e)
+    legs = [_leg(pattern, form, cut, ids, bridge, side, e) for side in ("left", "right")]
     _settle_legs(pattern, form, bridge, fork)
+    for leg in legs:
+        _space_rows(pattern, leg)
 
 
 def _sew(pattern: Pattern, rings: np.ndarray, waist_ids: np.ndarray | None) -> np.ndarray:
@@ -128,8 +129,8 @@ def _leg(
     bridge: np.ndarray,
     side: str,
     e: float,
-) -> None:
-    """One leg's two panels, hips included."""
+) -> np.ndarray:
+    """Add one leg's two panels, hips included; ids (R, C) of its rows from the fork down."""
     half = hips.shape[1] // 2
     quarter, inner = half // 2, (len(bridge) + 1) // 2
     fork = hips[-1]
@@ -165,6 +166,7 @@ def _leg(
     whole = np.concatenate([above, turned])[::-1]
     pattern.add_panel(whole[:, : middle + 1], middle)
     pattern.add_panel(whole[:, middle:], 0)
+    return ids
 
 
 def _leg_row(
@@ -215,6 +217,24 @@ def _settle_legs(pattern: Pattern, form: DressForm, bridge: np.ndarray, fork: fl
         return separate(whole)[moved]
 
     pattern.vertices = smooth(points, average, 0.8 * near, 25, lift)
+
+
+def _space_rows(pattern: Pattern, leg: np.ndarray) -> None:
+    """Slide the vertices of each of a leg's columns (R, C) along it, to equal distances.
+
+    Between the thighs there is little room, into which rows that settle crowd below the seam.
+    """
+    points = pattern.vertices.copy()
+    columns = points[leg]
+    way = np.linalg.norm(np.diff(columns, axis=0), axis=2).cumsum(axis=0)
+    way = np.concatenate([np.zeros((1, leg.shape[1])), way])
+    share = np.linspace(0, 1, len(leg))
+    for column in range(leg.shape[1]):
+        at = share * way[-1, column]
+        for axis in range(3):
+            columns[:, column, axis] = np.interp(at, way[:, column], columns[:, column, axis])
+    points[leg] = columns
+    pattern.vertices = points
 
 
 def _skirt_extra(form: DressForm, cut: SkirtCut, share: float) -> float:
