@@ -61,7 +61,7 @@ def closest_on_mesh(points: np.ndarray, mesh: wp.Mesh) -> tuple[np.ndarray, np.n
 
 
 @wp.func
-def _closest_weights(p: wp.vec3, a: wp.vec3, b: wp.vec3, c: wp.vec3) -> wp.vec3:
+def closest_weights(p: wp.vec3, a: wp.vec3, b: wp.vec3, c: wp.vec3) -> wp.vec3:
     """Barycentric weights of the point of a triangle that is closest to p (Ericson 2005, 5.1.5)."""
     ab = b - a
     ac = c - a
@@ -125,7 +125,7 @@ def _find_closest_facing(
             c = places[indices[3 * other + 2]]
             flat = wp.normalize(wp.cross(b - a, c - a))
             if wp.dot(flat, normal) > least_cosine:
-                w = _closest_weights(point, a, b, c)
+                w = closest_weights(point, a, b, c)
                 away = wp.length(point - (w[0] * a + w[1] * b + w[2] * c))
                 if away < best:
                     best = away

@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.closest import closest_weights
 from drapeline.geometry.lanes import LaneFloats, LaneInts, lay_in_lanes, make_patches, repeat_first
 from drapeline.xpbd.contact import (
     NEVER,
@@ -76,40 +77,6 @@ def _box_faces(
 
 
 @wp.func
-def closest_on_triangle(p: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
-    """Weights of the corners of the point of a triangle that is closest to p (Ericson 2005)."""
-    ap = p - a
-    d1 = wp.dot(ab, ap)
-    d2 = wp.dot(ac, ap)
-    if d1 <= 0.0 and d2 <= 0.0:
-        return wp.vec3(1.0, 0.0, 0.0)
-    bp = ap - ab
-    d3 = wp.dot(ab, bp)
-    d4 = wp.dot(ac, bp)
-    if d3 >= 0.0 and d4 <= d3:
-        return wp.vec3(0.0, 1.0, 0.0)
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v = d1 / (d1 - d3)
-        return wp.vec3(1.0 - v, v, 0.0)
-    cp = ap - ac
-    d5 = wp.dot(ab, cp)
-    d6 = wp.dot(ac, cp)
-    if d6 >= 0.0 and d5 <= d6:
-        return wp.vec3(0.0, 0.0, 1.0)
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        w = d2 / (d2 - d6)
-        return wp.vec3(1.0 - w, 0.0, w)
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return wp.vec3(0.0, 1.0 - w, w)
-    scale = 1.0 / (va + vb + vc)
-    return wp.vec3(va * scale, vb * scale, vc * scale)
-
-
-@wp.func
 def passing(sweep: wp.vec3, other: wp.vec4):
     """How far, at most, things pass each other by half-way, of which one sweeps as a face does."""
     return wp.length(sweep - wp.vec3(other[0], other[1], other[2])) + other[3]
@@ -169,7 +136,7 @@ def find_near_one_per_thread(
                 and height * height < reach * reach * square
                 and found < near.other.shape[1]
             ):
-                at = closest_on_triangle(p, a, ab, ac)
+                at = closest_weights(p, a, a + ab, a + ac)
                 if wp.length_sq(p - a - ab * at[1] - ac * at[2]) < reach * reach:
                     near.other[i, found] = number
                     near.room_m[i, found] = room
@@ -233,7 +200,7 @@ def approach_triangles(
             if layers[i] == layers[c[0]]:
                 gap = wp.min(own_gap, ROOM_SHARE * near.room_m[i, k])
             gap = narrowed(gap, clearance[i])
-            at = closest_on_triangle(p, a, ab, ac)
+            at = closest_weights(p, a, a + ab, a + ac)
             way = p - a - ab * at[1] - ac * at[2]
             distance = wp.length(way)
             way /= wp.max(distance, TOUCHING_M)

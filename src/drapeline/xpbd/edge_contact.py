@@ -246,29 +246,21 @@ class NearEdges:
     """Other edges that each edge of cloth is near to; each pair is of the lower number.
 
     Args:
-        edges: (E, 2) of the cloth's triangles, diagonals included.
-        triangle_edges: (F, 3) numbers of the edges of each triangle.
-        cloth: its faces.
+        cloth: its triangles.
         rest: (V, 3) vertices at rest.
         parallel: whether each edge is looked up by itself, as on a GPU, not in patches.
 
     Attributes:
-        edges: as given.
+        edges: (E, 2) of the triangles: a quad's diagonal is an edge of what is published, and may
+            fold.
         near: what each edge is near to.
         meetings: those that it may touch in a small step.
     """
 
-    def __init__(
-        self,
-        edges: np.ndarray,
-        triangle_edges: np.ndarray,
-        cloth: NearTriangles,
-        rest: np.ndarray,
-        *,
-        parallel: bool = False,
-    ) -> None:
+    def __init__(self, cloth: NearTriangles, rest: np.ndarray, *, parallel: bool = False) -> None:
+        edges, triangle_edges = face_edges(cloth.triangles.numpy())
         self._cloth, count = cloth, len(edges)
-        self.edges = wp.array(edges, dtype=wp.vec2i)
+        self.edges = wp.array(edges.astype(np.int32), dtype=wp.vec2i)
         self._rest = wp.array(rest, dtype=wp.vec3)
         owned = _owned_edges(triangle_edges.reshape(-1, 3 * cloth.halves), count)
         self._owned = wp.array(owned, dtype=int)
@@ -309,19 +301,9 @@ class NearEdges:
 def _owned_edges(face_edges: np.ndarray, count: int) -> np.ndarray:
     """Those of the edges (F, K) of each face that no face before it has, -1 for the others."""
     flat, places = face_edges.ravel(), np.arange(face_edges.size)
-    first = np.full(count + 1, flat.size)
+    first = np.full(count, flat.size)
     np.minimum.at(first, flat, places)
     return np.where(first[flat] == places, flat, -1).reshape(face_edges.shape)
-
-
-def edges_of_triangles(pairs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Numbers (F, 3) of triangles' edges among `pairs` (E, 2) in lexical order, -1 for none."""
-    all_pairs, which = face_edges(triangles)
-    base = int(triangles.max()) + 1
-    known, wanted = (p[:, 0].astype(np.int64) * base + p[:, 1] for p in (pairs, all_pairs))
-    place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-    number = np.where(known[place] == wanted, place, -1)
-    return number[which].astype(np.int32)
 
 
 _CROSSED_SLOTS = 3  # triangles that an edge may pass through
@@ -471,7 +453,7 @@ def untangle(
             move(moves, place, before, c[2], v, a + ac, -(shift * wc), -(shift * wc))
 
 
-class Crossings:
+class CrossedTriangles:
     """Triangles (F, 3) of the cloth that its edges (E, 2), no diagonals, pass through."""
 
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
@@ -502,17 +484,16 @@ class Crossings:
         )
 
 
-def opposite_vertices(pairs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Third corners (E, 2) of the triangles beside each of the edges `pairs` (E, 2); -1 for none.
+def opposite_vertices(triangles: np.ndarray) -> np.ndarray:
+    """Third corners (E, 2) of the triangles beside each of their `edges`; -1 for none.
 
-    Edges are in lexical order and belong to one or two triangles (F, 3).
+    An edge belongs to one or two triangles (F, 3).
     """
-    sides = edges_of_triangles(pairs, triangles)
+    pairs, sides = face_edges(triangles)
     opposite = np.full((len(pairs), 2), -1, dtype=np.int32)
     corners = np.roll(triangles, 1, axis=1)  # opposite to the edge from each corner to the next
     order = np.argsort(sides.ravel(), kind="stable")
     edge, corner = sides.ravel()[order], corners.ravel()[order]
-    edge, corner = edge[edge >= 0], corner[edge >= 0]
     again = np.concatenate([[False], edge[1:] == edge[:-1]])
     opposite[edge[~again], 0] = corner[~again]
     opposite[edge[again], 1] = corner[again]

@@ -12,9 +12,8 @@ import numpy as np
 import warp as wp
 
 from drapeline.frames import FPS
-from drapeline.geometry import crossings as geometry
+from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.lanes import LANES, LaneFloats, LaneInts, lay_in_lanes
-from drapeline.geometry.mesh import edges
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import Attempt, ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
@@ -27,10 +26,9 @@ from drapeline.xpbd.cloth_contact import (
 )
 from drapeline.xpbd.contact import make_all_moves, make_moves, touch_floor
 from drapeline.xpbd.edge_contact import (
-    Crossings,
+    CrossedTriangles,
     NearEdges,
     approach_edges,
-    edges_of_triangles,
     opposite_vertices,
     part_edges,
     touch_edges,
@@ -230,7 +228,6 @@ class XpbdSettings:
     rest_share: float = 0.9
     careful_steps: int = 3  # between searches for cloth where a frame has to be gone through again
     part_sweeps: int = 3  # of keeping cloth apart at the end of a small step
-    edge_margin_m: float = 0.01  # how far from an edge other edges are looked for
     # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002  # how far above it that cloth is held
@@ -306,13 +303,8 @@ class MovingCloth:
             wp.clone(self._place), triangles, layers, halves, parallel=self._parallel
         )
         self._covered = CoveredVertices(self._body, self._near, parallel=self._parallel)
-        # A quad's diagonal is an edge of what is published, and may fold.
-        all_edges = edges(system.triangles)
-        sides = edges_of_triangles(all_edges, system.triangles)
-        self._near_edges = NearEdges(
-            all_edges, sides, self._near, system.vertices, parallel=self._parallel
-        )
-        self._crossings = Crossings(self._near_edges.edges, triangles)
+        self._near_edges = NearEdges(self._near, system.vertices, parallel=self._parallel)
+        self._crossed = CrossedTriangles(self._near_edges.edges, triangles)
         springs = system.springs
         self._measure = record(
             measure_strain,
@@ -325,7 +317,7 @@ class MovingCloth:
         # What a frame changes, and how it was when the frame began.
         self._state = [self._place, self._speed, *self._elastic, *self._surface.anchors]
         self._kept = [wp.clone(array) for array in self._state]
-        self._seen = geometry.Crossings([g.vertices for g in garments], [g.faces for g in garments])
+        self._seen = Crossings([g.vertices for g in garments], [g.faces for g in garments])
         _, self._crossing = self._look()
 
     def _arrange(self) -> None:
@@ -483,8 +475,7 @@ class MovingCloth:
         release_m, stick_m = self._step_ways_m
         gaps = settings.self_gap_m, self._gap_m
         near, near_edges = self._near, self._near_edges
-        opposite = opposite_vertices(near_edges.edges.numpy(), system.triangles)
-        opposite = wp.array(opposite, dtype=wp.vec2i)
+        opposite = wp.array(opposite_vertices(system.triangles), dtype=wp.vec2i)
         stepping = [clearance, self._clock, self._steps, self._step_s, *gaps, self._speed]
         # Before anything moves: from where it starts, nothing passes through.
         self._approach = [
@@ -512,7 +503,7 @@ class MovingCloth:
             ),
             BusyLaunch(part_triangles, near.near.count, [near.meetings, triangles], apart),
         ]
-        covered, crossings = self._covered, self._crossings
+        covered, crossed = self._covered, self._crossed
         return [
             BusyLaunch(
                 push_off_body_vertices,
@@ -540,9 +531,9 @@ class MovingCloth:
             ),
             BusyLaunch(
                 untangle,
-                crossings.count,
+                crossed.count,
                 [
-                    *(crossings.count, crossings.crossed, near_edges.edges),
+                    *(crossed.count, crossed.crossed, near_edges.edges),
                     *(opposite, triangles, mass),
                 ],
                 [settings.untangle_m_s * self._step_s, *state],
@@ -632,7 +623,7 @@ class MovingCloth:
 
     def _find_cloth(self) -> None:
         """Find what the cloth is near to of itself, and what it passes through."""
-        settings, near, crossings = self._settings, self._near, self._crossings
+        settings, near = self._settings, self._near
         near.find(
             self._place,
             self._speed,
@@ -641,8 +632,8 @@ class MovingCloth:
             margin_m=settings.margin_m,
             rest_share=settings.rest_share,
         )
-        crossings.find(self._place, near.near)
-        self._near_edges.find(margin_m=settings.edge_margin_m, rest_share=settings.rest_share)
+        self._crossed.find(self._place, near.near)
+        self._near_edges.find(margin_m=settings.margin_m, rest_share=settings.rest_share)
 
     def _find_once(self) -> None:
         """Find what is found once in a frame: the body's room, and its vertices under cloth."""

@@ -79,7 +79,6 @@ class ClothSystem:
     skin_friction: np.ndarray
     self_friction: np.ndarray
     triangles: np.ndarray  # (F, 3) int32, halves of a quad next to one another
-    edges: np.ndarray  # (E, 2) int32, of all faces
     layers: np.ndarray  # (V,) int32, number of a vertex's garment, from inner to outer
     starts: np.ndarray  # (G + 1,) where each garment begins
     # springs, hinges: in order of their colours; springs along edges before diagonals.
@@ -131,7 +130,6 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
         skin_friction=np.repeat([g.fabric.skin_friction for g in garments], sizes),
         self_friction=np.repeat([g.fabric.self_friction for g in garments], sizes),
         triangles=_join([triangulate(g.faces) for g in garments], starts),
-        edges=_join(pairs, starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),
         starts=starts,
         springs=joined_springs,

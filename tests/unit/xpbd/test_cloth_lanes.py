@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.mesh import face_edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
+from drapeline.xpbd.edge_contact import NearEdges
 from toys.sheets import sheet
 
 MARGIN_M, SHARE, TIME_S = 0.012, 0.9, 0.004
@@ -26,9 +26,7 @@ def search(place, speed, rest, triangles, layers, halves, parallel):
         halves,
         parallel=parallel,
     )
-    pairs = edges(triangles).astype(np.int32)
-    sides = edges_of_triangles(pairs, triangles)
-    near_edges = NearEdges(pairs, sides, near, rest.astype(np.float32), parallel=parallel)
+    near_edges = NearEdges(near, rest.astype(np.float32), parallel=parallel)
     place, speed = (wp.array(np.float32(part), dtype=wp.vec3) for part in (place, speed))
     near.find(place, speed, np.zeros(3), time_s=TIME_S, margin_m=MARGIN_M, rest_share=SHARE)
     near_edges.find(margin_m=MARGIN_M, rest_share=SHARE)
@@ -116,10 +114,10 @@ def test_near_edges_are_those_of_a_slow_search(crumpled, parallel):
     place, speed, rest, triangles, layers = crumpled
     _, found = search(*crumpled, 2, parallel)
     sweep, mean, spread = slow_sweeps(speed, triangles, 2)
-    pairs = edges(triangles)
+    pairs, sides = face_edges(triangles)
     owner = np.full(len(pairs), -1)
     for number in range(len(triangles) - 1, -1, -1):
-        owner[edges_of_triangles(pairs, triangles)[number]] = number // 2
+        owner[sides[number]] = number // 2
     middle, coarse = place + sweep, 3e-5
     sure, possible = set(), set()
     for edge, ends in enumerate(pairs):

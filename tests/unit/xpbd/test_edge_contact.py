@@ -7,8 +7,7 @@ from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import make_all_moves, make_moves
 from drapeline.xpbd.edge_contact import (
-    Crossings,
-    edges_of_triangles,
+    CrossedTriangles,
     opposite_vertices,
     untangle,
 )
@@ -89,7 +88,7 @@ def searched(parallel):
         near = NearTriangles(points, faces, layers, 2, parallel=parallel)
         still = wp.zeros_like(points)
         near.find(points, still, np.zeros(3), time_s=0.0, margin_m=0.012, rest_share=0.9)
-        crossings = Crossings(vectors(pairs, wp.vec2i), faces)
+        crossings = CrossedTriangles(vectors(pairs, wp.vec2i), faces)
         before = near.near.count.numpy().copy()
         crossings.find(points, near.near)
         return pairs, before, near.near, crossings
@@ -123,24 +122,11 @@ def test_cloth_far_from_other_cloth_is_near_to_nothing(searched):
     assert before.sum() == 0
 
 
-def test_a_quads_diagonal_is_none_of_its_edges():
-    quads = sheet(0.0, rows=3).faces
-    pairs = edges(quads)
-    sides = edges_of_triangles(pairs, triangulate(quads))
-    assert ((sides < 0).sum(axis=1) == 1).all()
-    assert set(sides[sides >= 0].tolist()) == set(range(len(pairs)))
-
-
 def test_corners_opposite_to_edges():
     triangles = np.array([[0, 1, 2], [2, 1, 3]])
-    pairs = np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]])
+    assert edges(triangles).tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
     np.testing.assert_array_equal(
-        opposite_vertices(pairs, triangles), [[2, -1], [1, -1], [0, 3], [2, -1], [1, -1]]
-    )
-    # Without the diagonal of a quad the others keep theirs.
-    np.testing.assert_array_equal(
-        opposite_vertices(np.delete(pairs, 2, axis=0), triangles),
-        [[2, -1], [1, -1], [2, -1], [1, -1]],
+        opposite_vertices(triangles), [[2, -1], [1, -1], [0, 3], [2, -1], [1, -1]]
     )
 
 
@@ -152,15 +138,18 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
     bowl[:, 2] = 8 * (bowl[:, :2] ** 2).sum(axis=1) - 0.003
     quads = np.concatenate([level.faces, sheet(0.0, rows=5).faces + 81])
     points = np.concatenate([level.vertices, bowl]).astype(np.float32)
-    triangles, pairs = triangulate(quads).astype(np.int32), edges(quads).astype(np.int32)
+    triangles, pairs = (
+        triangulate(quads).astype(np.int32),
+        edges(triangulate(quads)).astype(np.int32),
+    )
     inverse = np.repeat([1.0, 2.0], [81, 25]).astype(np.float32)
     place = vectors(points)
     before = wp.clone(place)
     edge, face = vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i)
     layers = vectors(np.repeat([0, 1], [81, 25]).astype(np.int32), int)
     near = NearTriangles(wp.clone(place), face, layers, 2, parallel=parallel)
-    crossings = Crossings(edge, face)
-    opposite = vectors(opposite_vertices(pairs, triangles), wp.vec2i)
+    crossings = CrossedTriangles(edge, face)
+    opposite = vectors(opposite_vertices(triangles), wp.vec2i)
     move = BusyLaunch(
         untangle,
         crossings.count,
