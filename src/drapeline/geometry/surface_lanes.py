@@ -13,40 +13,17 @@ from drapeline.geometry.lanes import LANES, LaneInts, lane_code
 
 wp.set_module_options({"enable_backward": False})
 
-_CLOSEST = """
-typedef float half_lanes __attribute__((ext_vector_type(4)));
-const wp::Mesh& mesh = *(const wp::Mesh*)surface;
-const wp::BVH& tree = mesh.bvh;
-const int* which = (const int*)patches.data + 8 * patch;
+# Squares of the distances of points from the triangle 0, b, c, whose point of weights v and w is
+# closest; where none is less than `least` they may be too small, but not less than that.
+TO_TRIANGLE = """
 const lanes zero = 0.0f, one = 1.0f;
-lanes x, y, z, least, best_v = zero, best_w = zero;
-masks best = -1;
-for (int k = 0; k < 8; ++k) {
-    const wp::vec3 point = points.data[which[k]];
-    const float reach = reaches.data[which[k]];
-    x[k] = point[0];
-    y[k] = point[1];
-    z[k] = point[2];
-    least[k] = reach > 0.0f ? reach * reach : -1.0f;
-}
 auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
 auto clamped = [&](lanes a) { return __builtin_elementwise_min(greater(a, zero), one); };
-auto to_box = [&](int node) {
-    const wp::BVHPackedNodeHalf low = tree.node_lowers[node], high = tree.node_uppers[node];
-    const lanes u = greater(greater(low.x - x, x - high.x), zero);
-    const lanes v = greater(greater(low.y - y, y - high.y), zero);
-    const lanes w = greater(greater(low.z - z, z - high.z), zero);
-    return u * u + v * v + w * w;
-};
-auto try_face = [&](int face) {
-    const int* corners = mesh.indices.data + 3 * face;
-    const wp::vec3 a = mesh.points.data[corners[0]];
-    const wp::vec3 b = mesh.points.data[corners[1]] - a;
-    const wp::vec3 c = mesh.points.data[corners[2]] - a;
+auto to_triangle = [&](
+    lanes p, lanes q, lanes r, wp::vec3 b, wp::vec3 c, lanes least, lanes& v, lanes& w) {
     const float bb = wp::dot(b, b), bc = wp::dot(b, c), cc = wp::dot(c, c);
     const float ee = bb - 2.0f * bc + cc, square = bb * cc - bc * bc;
     const float round = bb + cc + ee;
-    const lanes p = x - a[0], q = y - a[1], r = z - a[2];
     auto to_point = [&](lanes v, lanes w) {
         const lanes i = p - v * b[0] - w * c[0];
         const lanes j = q - v * b[1] - w * c[1];
@@ -55,7 +32,7 @@ auto try_face = [&](int face) {
     };
     const lanes pb = p * b[0] + q * b[1] + r * b[2];
     const lanes pc = p * c[0] + q * c[1] + r * c[2];
-    lanes v = zero, w = zero, away = zero;
+    lanes away = zero;
     masks past = -1;
     const bool thin = square <= 1.0e-12f * round * round;  // as a line: there are edges alone
     if (!thin) {
@@ -67,7 +44,7 @@ auto try_face = [&](int face) {
     }
     if (any(past)) {
         if (!any(away < least))
-            return;  // nothing of a face is closer than its plane
+            return away;  // nothing of a face is closer than its plane
         // Of an edge without length it is clamped from NaN to 0.
         const lanes s = clamped(pb / bb), t = clamped(pc / cc);
         const lanes o = clamped((pc - pb + bb - bc) / ee);
@@ -87,6 +64,39 @@ auto try_face = [&](int face) {
         if (thin)
             away *= 1.0001f;  // its edges are its neighbours' too, which come first
     }
+    return away;
+};
+"""
+
+_CLOSEST = """
+typedef float half_lanes __attribute__((ext_vector_type(4)));
+const wp::Mesh& mesh = *(const wp::Mesh*)surface;
+const wp::BVH& tree = mesh.bvh;
+const int* which = (const int*)patches.data + 8 * patch;
+lanes x, y, z, least, best_v = zero, best_w = zero;
+masks best = -1;
+for (int k = 0; k < 8; ++k) {
+    const wp::vec3 point = points.data[which[k]];
+    const float reach = reaches.data[which[k]];
+    x[k] = point[0];
+    y[k] = point[1];
+    z[k] = point[2];
+    least[k] = reach > 0.0f ? reach * reach : -1.0f;
+}
+auto to_box = [&](int node) {
+    const wp::BVHPackedNodeHalf low = tree.node_lowers[node], high = tree.node_uppers[node];
+    const lanes u = greater(greater(low.x - x, x - high.x), zero);
+    const lanes v = greater(greater(low.y - y, y - high.y), zero);
+    const lanes w = greater(greater(low.z - z, z - high.z), zero);
+    return u * u + v * v + w * w;
+};
+auto try_face = [&](int face) {
+    const int* corners = mesh.indices.data + 3 * face;
+    const wp::vec3 a = mesh.points.data[corners[0]];
+    const wp::vec3 b = mesh.points.data[corners[1]] - a;
+    const wp::vec3 c = mesh.points.data[corners[2]] - a;
+    lanes v = zero, w = zero;
+    const lanes away = to_triangle(x - a[0], y - a[1], z - a[2], b, c, least, v, w);
     const masks closer = away < least;
     least = closer ? away : least;
     best_v = closer ? v : best_v;
@@ -127,7 +137,7 @@ for (int k = 0; k < 8; ++k) {
 """
 
 
-@wp.func_native(lane_code(_CLOSEST))
+@wp.func_native(lane_code(TO_TRIANGLE + _CLOSEST))
 def closest_in_lanes(
     surface: wp.uint64,
     patches: wp.array[LaneInts],

@@ -9,7 +9,7 @@ refuse the file, so that no kernel for one may stand here.
 import warp as wp
 
 from drapeline.geometry.lanes import LaneFloats, LaneInts, lane_code, near_code
-from drapeline.geometry.surface_lanes import closest_in_lanes, hits_in_lanes
+from drapeline.geometry.surface_lanes import TO_TRIANGLE, closest_in_lanes, hits_in_lanes
 from drapeline.xpbd.contact import Near
 from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
 
@@ -82,36 +82,6 @@ for (int k = 0; k < 8; ++k) {
 }
 low -= wp::vec3(most);
 high += wp::vec3(most);
-auto away = [](wp::vec3 p, wp::vec3 b, wp::vec3 c) {
-    // Square of the distance of p from the triangle 0, b, c (Ericson 2005).
-    const float d1 = wp::dot(b, p), d2 = wp::dot(c, p);
-    if (d1 <= 0.0f && d2 <= 0.0f)
-        return wp::dot(p, p);
-    const wp::vec3 q = p - b, r = p - c;
-    const float d3 = wp::dot(b, q), d4 = wp::dot(c, q);
-    if (d3 >= 0.0f && d4 <= d3)
-        return wp::dot(q, q);
-    const float w = d1 * d4 - d3 * d2;
-    float i = 0.0f, j = 0.0f;
-    const float d5 = wp::dot(b, r), d6 = wp::dot(c, r);
-    const float v = d5 * d2 - d1 * d6, u = d3 * d6 - d5 * d4;
-    if (w <= 0.0f && d1 >= 0.0f && d3 <= 0.0f)
-        i = d1 / (d1 - d3);
-    else if (d6 >= 0.0f && d5 <= d6)
-        return wp::dot(r, r);
-    else if (v <= 0.0f && d2 >= 0.0f && d6 <= 0.0f)
-        j = d2 / (d2 - d6);
-    else if (u <= 0.0f && d4 - d3 >= 0.0f && d5 - d6 >= 0.0f) {
-        j = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        i = 1.0f - j;
-    } else {
-        const float scale = 1.0f / (u + v + w);
-        i = v * scale;
-        j = w * scale;
-    }
-    const wp::vec3 way = p - b * i - c * j;
-    return wp::dot(way, way);
-};
 auto note = [&](int number, masks here, lanes reach, lanes room) {
     const int* corners = (const int*)triangles.data + 3 * number;
     const wp::vec3 a = place.data[corners[0]];
@@ -124,9 +94,10 @@ auto note = [&](int number, masks here, lanes reach, lanes room) {
     here &= height * height < reach * reach * square;
     if (!any(here))
         return;
+    lanes v = zero, w = zero;
+    here &= to_triangle(p, q, r, b, c, reach * reach, v, w) < reach * reach;
     for (int k = 0; k < size; ++k)
-        if (here[k] && found[k] < slots &&
-            away(wp::vec3(p[k], q[k], r[k]), b, c) < reach[k] * reach[k]) {
+        if (here[k] && found[k] < slots) {
             const int slot = slots * which[k] + found[k];
             rooms.data[slot] = room[k];
             due.data[slot] = 0;
@@ -166,7 +137,7 @@ for (int k = 0; k < size; ++k) {
 """
 
 
-@wp.func_native(near_code("place.data[number]", _FIND_NEAR))
+@wp.func_native(near_code("place.data[number]", TO_TRIANGLE + _FIND_NEAR))
 def _find_near(
     tree: wp.uint64,
     lower: wp.array[wp.vec3],
