@@ -11,8 +11,9 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 
 _DEVICE = "cpu"
-_OWN = wp.constant(1)  # bits: through a triangle of the edge's own garment
-_OTHER = wp.constant(2)  # through one of another garment
+# Whether an edge passes through a triangle.
+_THROUGH = wp.constant(1)
+_UNSURE = wp.constant(2)  # rounding leaves it open
 # Of a determinant of differences in double precision, by its sum of magnitudes (Shewchuk 1997,
 # "Adaptive Precision Floating-Point Arithmetic", section 4.3).
 _ROUNDING = wp.constant(wp.float64((7 + 56 * 2.0**-53) * 2.0**-53))
@@ -162,20 +163,17 @@ def _decide(
     points: wp.array[wp.vec3],
     edges: wp.array[wp.vec2i],
     triangles: wp.array[wp.vec3i],
-    layers: wp.array[int],
-    through: wp.array[int],
-    open_pairs: wp.array[int],  # those that rounding leaves open
+    decided: wp.array[int],
 ):
     pair = wp.tid()
-    edge = close[pair][0]
+    ends = edges[close[pair][0]]
     corners = triangles[close[pair][1]]
-    i = edges[edge][0]
-    p = _point(points, i)
-    q = _point(points, edges[edge][1])
+    p = _point(points, ends[0])
+    q = _point(points, ends[1])
     a = _point(points, corners[0])
     b = _point(points, corners[1])
     c = _point(points, corners[2])
-    open_pairs[pair] = 0
+    decided[pair] = 0
     above = _side(a, b, c, p)
     beneath = _side(a, b, c, q)
     if above * beneath <= 0:
@@ -183,11 +181,8 @@ def _decide(
         y = _side(p, q, b, c)
         z = _side(p, q, c, a)
         if x * y >= 0 and y * z >= 0 and z * x >= 0:
-            if above * beneath < 0 and x * y > 0 and y * z > 0:
-                bit = wp.where(layers[corners[0]] == layers[i], _OWN, _OTHER)
-                through[edge] = through[edge] | bit
-            else:
-                open_pairs[pair] = 1
+            sure = above * beneath < 0 and x * y > 0 and y * z > 0
+            decided[pair] = wp.where(sure, _THROUGH, _UNSURE)
 
 
 class Crossings:
@@ -212,13 +207,12 @@ class Crossings:
         self._pairs = edges(self._triangles).astype(np.int32)
         self._layers = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
         patches = make_patches(points[self._pairs].mean(axis=1), self._layers[self._pairs[:, 0]])
-        self._points, self._faces, self._edges, self._layer_of, self._patches, self._sizes = (
+        self._points, self._faces, self._edges, self._patches, self._sizes = (
             wp.array(values, dtype=kind, device=_DEVICE)
             for values, kind in (
                 (points, wp.vec3),
                 (self._triangles, wp.vec3i),
                 (self._pairs, wp.vec2i),
-                (self._layers, int),
                 (repeat_first(patches), LaneInts),
                 ((patches >= 0).sum(axis=1), int),
             )
@@ -228,7 +222,6 @@ class Crossings:
         )
         self._box()
         self._tree = wp.Bvh(self._lower, self._upper)
-        self._through = wp.zeros(len(self._pairs), dtype=int, device=_DEVICE)
         self._close_count = wp.zeros(1, dtype=int, device=_DEVICE)
         self._expect(len(self._pairs))
         self.edge_counts = np.bincount(self._layers[self._pairs[:, 0]], minlength=len(sizes))
@@ -236,7 +229,7 @@ class Crossings:
     def _expect(self, count: int) -> None:
         """Make room for so many edges that are close to a triangle."""
         self._close = wp.zeros(count, dtype=wp.vec2i, device=_DEVICE)
-        self._open = wp.zeros(count, dtype=int, device=_DEVICE)
+        self._decided = wp.zeros(count, dtype=int, device=_DEVICE)
 
     def _box(self) -> None:
         wp.launch(
@@ -268,15 +261,24 @@ class Crossings:
         Args:
             vertices: (V, 3) of each garment, metres; taken as float32.
         """
-        own, other = self.edges_through(vertices)
-        layer, count = self._layers[self._pairs[:, 0]], len(self.edge_counts)
-        return (
-            np.bincount(layer[own], minlength=count),
-            np.bincount(layer[other], minlength=count),
+        pairs = self.pairs_through(vertices)
+        layer = self._layers[self._pairs[pairs[:, 0], 0]]
+        own = layer == self._layers[self._triangles[pairs[:, 1], 0]]
+        count = len(self.edge_counts)
+        first, second = (
+            np.bincount(self._layers[self._pairs[np.unique(pairs[side, 0]), 0]], minlength=count)
+            for side in (own, ~own)
         )
+        return first, second
 
-    def edges_through(self, vertices: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Masks (E,) of the edges that pass through their own garment, and through others."""
+    def pairs_through(self, vertices: Sequence[np.ndarray]) -> np.ndarray:
+        """(n, 2) numbers of edges and of the triangles that they pass through.
+
+        Edges are those of all garments' triangles in the order of `mesh.edges`.
+
+        Args:
+            vertices: as for `find`.
+        """
         points = np.concatenate(vertices).astype(np.float32)
         self._points.assign(points)
         self._box()
@@ -285,23 +287,19 @@ class Crossings:
         if count > len(self._close):
             self._expect(2 * count)
             self._find_close()
-        self._through.zero_()
-        cloth = [self._points, self._edges, self._faces, self._layer_of]
         wp.launch(
             _decide,
             dim=count,
-            inputs=[self._close, *cloth],
-            outputs=[self._through, self._open],
+            inputs=[self._close, self._points, self._edges, self._faces],
+            outputs=[self._decided],
             device=_DEVICE,
         )
-        through = self._through.numpy().copy()
-        unsure = np.flatnonzero(self._open.numpy()[:count])
-        for edge, face in self._close.numpy()[unsure].tolist():
-            corners = self._triangles[face]
-            if passes_through(points[self._pairs[edge]], points[corners]):
-                same = self._layers[corners[0]] == self._layers[self._pairs[edge, 0]]
-                through[edge] |= _OWN if same else _OTHER
-        return (through & _OWN) > 0, (through & _OTHER) > 0
+        decided, close = self._decided.numpy()[:count], self._close.numpy()[:count]
+        through = decided == int(_THROUGH)
+        for pair in np.flatnonzero(decided == int(_UNSURE)):
+            edge, face = close[pair]
+            through[pair] = passes_through(points[self._pairs[edge]], points[self._triangles[face]])
+        return close[through]
 
 
 def passes_through(segment: np.ndarray, triangle: np.ndarray) -> bool:

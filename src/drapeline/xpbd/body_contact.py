@@ -11,7 +11,7 @@ import warp as wp
 
 from drapeline.geometry.lanes import LaneInts, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.contact import ROUNDED, SHARE_OF_CLEARANCE, pushed_out
+from drapeline.xpbd.contact import KEPT_M, ROUNDED, SHARE_OF_CLEARANCE, pushed_out
 from drapeline.xpbd.lanes import look_in_lanes, search_in_lanes
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
@@ -324,6 +324,34 @@ def touch_body(
         out, then = pushed_out(p, o, way, normal, depth, old, release, friction[i], stick)
         place[i] = out
         before[i] = then
+
+
+@wp.kernel
+def stay_off_body(
+    anchor: wp.array[int],
+    from_place: wp.array[wp.vec3],
+    to_place: wp.array[wp.vec3],
+    from_normal: wp.array[wp.vec3],
+    to_normal: wp.array[wp.vec3],
+    clearance: wp.array[wp.vec2],
+    clock: wp.array[float],
+    before: wp.array[wp.vec3],
+    place: wp.array[wp.vec3],
+):
+    """Lift vertices that other cloth has pushed into the body; it gives no speed.
+
+    In folds of the body cloth keeps apart from cloth first: there is no room for both.
+    """
+    i = wp.tid()
+    if anchor[i] < 0 or wp.min(clearance[i][0], clearance[i][1]) < _FAR:
+        return
+    here = from_place[i] + (to_place[i] - from_place[i]) * clock[1]
+    up = from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1]
+    if wp.dot(place[i] - here, up) < KEPT_M:
+        normal = wp.normalize(up)
+        lift = normal * wp.max(KEPT_M - wp.dot(place[i] - here, normal), 0.0)
+        place[i] = place[i] + lift
+        before[i] = before[i] + lift
 
 
 class BodySurface:

@@ -191,7 +191,7 @@ def approach_triangles(
     p = place[i]
     for k in range(near.count[i]):
         number = near.other[i, k]
-        if number >= 0 and near.due[i, k] <= now:
+        if near.due[i, k] <= now:
             c = triangles[number]
             a = place[c[0]]
             ab = place[c[1]] - a

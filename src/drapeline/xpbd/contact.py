@@ -158,7 +158,7 @@ class Near:
 
     Attributes:
         count: (N,) of them; the rest is of each of all of them.
-        other: (N, K) their numbers, -1 for none.
+        other: (N, K) their numbers.
         room_m: (N, K) how far from it they are at rest, at least; much if of another garment.
         due: (N, K) the small step of the frame from which it may touch them.
         soon: (N,) the least of these.
@@ -208,7 +208,7 @@ def make_meetings(count: int, slots: int) -> Meetings:
 # Of their distance at rest, how far apart parts of a garment are kept at most.
 ROOM_SHARE = wp.constant(0.4)
 # How far apart all cloth stays, if it was: it is published in half precision.
-_KEPT_M = wp.constant(0.001)
+KEPT_M = wp.constant(0.001)
 # How fast things come closer in a small step: as fast as they do, half as much again, and this.
 _FASTER = wp.constant(1.5)
 _SLOWEST_M = wp.constant(0.0006)
@@ -237,7 +237,7 @@ def next_due(now: int, above: float, pace: float):
 @wp.func
 def least_distance(now: float):
     """How far two things must stay apart in a small step that begins with them so far apart."""
-    return wp.min(0.9 * now, wp.max(0.1 * now, _KEPT_M))
+    return wp.min(0.9 * now, wp.max(0.1 * now, KEPT_M))
 
 
 @wp.kernel

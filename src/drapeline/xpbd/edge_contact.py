@@ -307,7 +307,6 @@ def _owned_edges(face_edges: np.ndarray, count: int) -> np.ndarray:
 
 
 _CROSSED_SLOTS = 3  # triangles that an edge may pass through
-_MOST_CROSSED = wp.constant(_CROSSED_SLOTS)
 _LEAST_SLOPE = wp.constant(0.1)  # sine of the angle between an edge and what it passes through
 
 
@@ -330,56 +329,40 @@ def _hit(p: wp.vec3, d: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
     return wp.vec3(t, u, v)
 
 
-@wp.kernel
-def _find_crossings(
-    place: wp.array[wp.vec3],
-    edges: wp.array[wp.vec2i],
-    triangles: wp.array[wp.vec3i],
-    near: Near,
-    count: wp.array[int],
-    crossed: wp.array2d[int],
-):
-    edge = wp.tid()
-    ends = edges[edge]
-    p = place[ends[0]]
-    d = place[ends[1]] - p
-    found = int(0)  # noqa: RUF046, UP018
-    for k in range(near.count[ends[0]] + near.count[ends[1]]):
-        number = int(0)  # noqa: RUF046, UP018
-        if k < near.count[ends[0]]:
-            number = near.other[ends[0], k]
-        else:
-            number = near.other[ends[1], k - near.count[ends[0]]]
-        c = triangles[number]
-        new = found < _MOST_CROSSED and c[0] != ends[0] and c[1] != ends[0] and c[2] != ends[0]
-        if c[0] == ends[1] or c[1] == ends[1] or c[2] == ends[1]:
-            new = False
-        for n in range(found):
-            if crossed[edge, n] == number:
-                new = False
-        if new:
-            a = place[c[0]]
-            if _hit(p, d, a, place[c[1]] - a, place[c[2]] - a)[0] >= 0.0:
-                crossed[edge, found] = number
-                found += 1
-    count[edge] = found
+@wp.func
+def _forget(near: Near, i: int, other: int):
+    for k in range(near.count[i]):
+        if near.other[i, k] == other:
+            near.due[i, k] = NEVER
 
 
 @wp.kernel
 def _free_crossed(
+    pairs: wp.array[wp.vec2i],  # an edge and the triangle that it passed through
+    place: wp.array[wp.vec3],
     edges: wp.array[wp.vec2i],
-    count: wp.array[int],
-    crossed: wp.array2d[int],
+    triangles: wp.array[wp.vec3i],
+    sides: wp.array[wp.vec3i],  # edges of each triangle
+    beside: wp.array[wp.vec2i],  # triangles beside each edge, or -1
     near: Near,
+    near_edges: Near,
 ):
-    # The ends of an edge that passes through a triangle are on no side of it.
-    edge = wp.tid()
-    for k in range(count[edge]):
+    # An edge and a triangle that it passes through are on no side of each other, nor are their
+    # parts.
+    pair = pairs[wp.tid()]
+    ends = edges[pair[0]]
+    c = triangles[pair[1]]
+    p = place[ends[0]]
+    a = place[c[0]]
+    if _hit(p, place[ends[1]] - p, a, place[c[1]] - a, place[c[2]] - a)[0] < 0.0:
+        return
+    for end in range(2):
+        _forget(near, ends[end], pair[1])
+    for k in range(3):
+        side = sides[pair[1]][k]
+        _forget(near_edges, wp.min(side, pair[0]), wp.max(side, pair[0]))
         for end in range(2):
-            vertex = edges[edge][end]
-            for n in range(near.count[vertex]):
-                if near.other[vertex, n] == crossed[edge, k]:
-                    near.other[vertex, n] = -1
+            _forget(near, c[k], beside[pair[0]][end])
 
 
 @wp.func
@@ -454,33 +437,45 @@ def untangle(
 
 
 class CrossedTriangles:
-    """Triangles (F, 3) of the cloth that its edges (E, 2), no diagonals, pass through."""
+    """Triangles (F, 3) of the cloth that its edges (E, 2) passed through when a frame began."""
 
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
         self._edges, self._triangles = edges, triangles
+        _, sides = face_edges(triangles.numpy())
+        order = np.argsort(sides.ravel(), kind="stable")
+        edge = sides.ravel()[order]
+        again = np.concatenate([[False], edge[1:] == edge[:-1]])
+        beside = np.full((len(edges), 2), -1, dtype=np.int32)
+        beside[edge[~again], 0] = order[~again] // 3
+        beside[edge[again], 1] = order[again] // 3
+        self._sides, self._beside = wp.array(sides.astype(np.int32), dtype=wp.vec3i), wp.array(beside, dtype=wp.vec2i)
+        self._pairs = wp.zeros(0, dtype=wp.vec2i)
         self.count = wp.zeros(len(edges), dtype=int)
         self.crossed = wp.zeros((len(edges), _CROSSED_SLOTS), dtype=int)
 
-    def find(self, place: wp.array, near: Near) -> None:
-        """Find them again, among the triangles that the ends of an edge are near to.
+    def take(self, pairs: np.ndarray) -> None:
+        """Take numbers (n, 2) of edges and triangles, as `Crossings.pairs_through` gives them."""
+        self._pairs = wp.array(pairs, dtype=wp.vec2i)
+        pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
+        slot = np.arange(len(pairs)) - np.searchsorted(pairs[:, 0], pairs[:, 0])
+        pairs, slot = pairs[slot < _CROSSED_SLOTS], slot[slot < _CROSSED_SLOTS]
+        crossed = np.zeros(self.crossed.shape, dtype=np.int32)
+        crossed[pairs[:, 0], slot] = pairs[:, 1]
+        self.crossed.assign(crossed)
+        self.count.assign(np.bincount(pairs[:, 0], minlength=len(crossed)).astype(np.int32))
 
-        These lose what their edges pass through.
+    def free(self, place: wp.array, near: Near, near_edges: Near) -> None:
+        """Forget that ends of edges are near to what these still pass through.
 
         Args:
             place: (V, 3) vertices.
             near: of `NearTriangles`.
         """
         wp.launch(
-            _find_crossings,
-            dim=len(self._edges),
-            inputs=[place, self._edges, self._triangles, near],
-            outputs=[self.count, self.crossed],
-        )
-        wp.launch(
             _free_crossed,
-            dim=len(self._edges),
-            inputs=[self._edges, self.count, self.crossed],
-            outputs=[near],
+            dim=len(self._pairs),
+            inputs=[self._pairs, place, self._edges, self._triangles, self._sides, self._beside],
+            outputs=[near, near_edges],
         )
 
 

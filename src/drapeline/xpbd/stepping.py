@@ -16,7 +16,7 @@ from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.lanes import LANES, LaneFloats, LaneInts, lay_in_lanes
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import Attempt, ClothGarment
-from drapeline.xpbd.body_contact import BodySurface, touch_body
+from drapeline.xpbd.body_contact import BodySurface, stay_off_body, touch_body
 from drapeline.xpbd.body_vertices import CoveredVertices, push_off_body_vertices
 from drapeline.xpbd.cloth_contact import (
     NearTriangles,
@@ -104,14 +104,14 @@ class BusyLaunch:
 
 
 class Sweeps:
-    """Launches that are repeated, up to so many times, until none of them counts anything."""
+    """Launches that are repeated until none of them counts anything, or `most` times."""
 
-    def __init__(self, parts: Sequence[Callable[[], None]], counted: wp.array, sweeps: int) -> None:
-        self._parts, self._counted, self._sweeps = parts, counted, sweeps
+    def __init__(self, parts: Sequence[Callable[[], None]], counted: wp.array, most: int) -> None:
+        self._parts, self._counted, self.most = parts, counted, most
 
     def __call__(self) -> None:
         """Make the launches."""
-        for _ in range(self._sweeps):
+        for _ in range(self.most):
             self._counted.zero_()
             for part in self._parts:
                 part()
@@ -226,8 +226,10 @@ class XpbdSettings:
     self_gap_m: float = 0.005  # distance between parts of a garment
     # Of how far apart parts of a garment are at rest, how far from each other they are looked for.
     rest_share: float = 0.9
-    careful_steps: int = 3  # between searches for cloth where a frame has to be gone through again
     part_sweeps: int = 3  # of keeping cloth apart at the end of a small step
+    # Where a frame has to be gone through again: such sweeps, and small steps between searches.
+    careful_sweeps: int = 10
+    careful_steps: int = 1
     # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002  # how far above it that cloth is held
@@ -319,6 +321,7 @@ class MovingCloth:
         self._kept = [wp.clone(array) for array in self._state]
         self._seen = Crossings([g.vertices for g in garments], [g.faces for g in garments])
         _, self._crossing = self._look()
+        self._crossed.take(self._crossing)
 
     def _arrange(self) -> None:
         """Set what a small step does, and replay what is always the same in as few calls as can be.
@@ -332,17 +335,19 @@ class MovingCloth:
         self._finds: list[Replay] = []
         approach = [contact.launch for contact in self._approach]
         sweeps = self._settings.part_sweeps
+        keep_apart = [self._stay.launch, *parts]
+        self._keep_apart = Sweeps(keep_apart, self._parted, sweeps)
         self._solve: list[Callable[[], None]] = [
             *approach,
             Replay(first),
             *contacts,
             Replay(touch),
-            Sweeps(parts, self._parted, sweeps),
+            self._keep_apart,
             Replay(last),
         ]
         if self._device.is_cuda:
             self._finds = [Replay([find]) for find in self._searches]
-            step = [*approach, *first, *contacts, *touch, *sweeps * parts, *last]
+            step = [*approach, *first, *contacts, *touch, *sweeps * keep_apart, *last]
             self._solve = [Replay(step)]
 
     def _launches(self, contacts: Sequence[BusyLaunch]) -> list[Callable[[], None]]:
@@ -384,9 +389,15 @@ class MovingCloth:
         return [launch.launch for launch in launches if launch is not None]
 
     def _record_touch(self) -> list[Callable[[], None]]:
-        """Record what it does after contacts with cloth."""
+        """Record what it does after contacts with cloth, and while cloth is kept apart."""
         surface, state = self._surface, [self._before, self._place]
         touching = self._gap_m, *self._step_ways_m, self._friction
+        anchored = [
+            *(surface.anchor, surface.from_place, surface.to_place),
+            *(surface.from_normal, surface.to_normal, surface.clearance),
+            self._clock,
+        ]
+        self._stay = record(stay_off_body, len(self._place), anchored, state)
         launches = [
             record(
                 touch_floor,
@@ -397,11 +408,8 @@ class MovingCloth:
             record(
                 touch_body,
                 len(self._place),
-                [
-                    *(surface.anchor, surface.from_place, surface.to_place),
-                    *(surface.from_normal, surface.to_normal, surface.clearance),
-                ],
-                [self._clock, self._carry, *touching, *state],
+                anchored,
+                [self._carry, *touching, *state],
             ),
         ]
         return [launch.launch for launch in launches if launch is not None]
@@ -559,19 +567,23 @@ class MovingCloth:
         many searches that nothing which comes near is overlooked.
         """
         vertices, crossing = self._look()
-        if crossing > self._crossing:
+        if len(crossing) > len(self._crossing):
             with wp.ScopedDevice(self._device):
                 for kept, array in zip(self._kept, self._state, strict=True):
                     wp.copy(array, kept)
+                self._keep_apart.most = self._settings.careful_sweeps
                 self._step(self._body_every, self._settings.careful_steps)
+                self._keep_apart.most = self._settings.part_sweeps
             vertices, crossing = self._look()
         self._crossing = crossing
+        with wp.ScopedDevice(self._device):
+            self._crossed.take(crossing)
         return vertices
 
-    def _look(self) -> tuple[list[np.ndarray], int]:
-        """Vertices (V, 3) of each garment, and how many edges pass through anything."""
+    def _look(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """Vertices (V, 3) of each garment, and edges that pass through triangles (n, 2)."""
         vertices = self._system.split(self._place.numpy().copy())
-        return vertices, sum(int(count.sum()) for count in self._seen.find(vertices))
+        return vertices, self._seen.pairs_through(vertices)
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""
@@ -622,7 +634,7 @@ class MovingCloth:
         )
 
     def _find_cloth(self) -> None:
-        """Find what the cloth is near to of itself, and what it passes through."""
+        """Find what the cloth is near to of itself."""
         settings, near = self._settings, self._near
         near.find(
             self._place,
@@ -632,8 +644,8 @@ class MovingCloth:
             margin_m=settings.margin_m,
             rest_share=settings.rest_share,
         )
-        self._crossed.find(self._place, near.near)
         self._near_edges.find(margin_m=settings.margin_m, rest_share=settings.rest_share)
+        self._crossed.free(self._place, near.near, self._near_edges.near)
 
     def _find_once(self) -> None:
         """Find what is found once in a frame: the body's room, and its vertices under cloth."""
