@@ -40,10 +40,10 @@ SETTINGS = {
     "attempts": 1,
 }
 MEASURES = (
-    *("inside_share_mean", "stretch_low", "stretch_high", "slip_m", "layer_share_mean"),
+    *("inside_open_mean", "stretch_low", "stretch_high", "slip_m", "layer_share_mean"),
     *("self_share_mean", "acceleration_m_s2"),
 )
-WIDE = {"inside_share_mean": 1, "inside_share_max": 1, "depth_m": 1, "slip_m": 2}
+WIDE = {"inside_open_mean": 1, "inside_open_max": 1, "depth_m": 1, "slip_m": 2}
 
 
 def simulate(solver: str, results: str, folder: str, *samples: str) -> None:

@@ -3,8 +3,8 @@
 from drapeline.simulation.settings import HealthBounds
 
 NO_BOUNDS = HealthBounds(
-    inside_share_mean=1,
-    inside_share_max=1,
+    inside_open_mean=1,
+    inside_open_max=1,
     depth_m=1,
     stretch_low=0,
     stretch_high=10,

@@ -40,8 +40,8 @@ _SLANT_M = 0.06  # from the highest to the lowest point of a waist
 _UP = np.array([0.0, 0.0, 1.0])
 # Decoded garments may touch themselves and their wearer; beyond this, cloth has come undone.
 _WORN = HealthBounds(
-    inside_share_mean=0.03,
-    inside_share_max=0.1,
+    inside_open_mean=0.03,
+    inside_open_max=0.1,
     depth_m=0.06,
     stretch_low=0.7,
     stretch_high=1.4,

@@ -122,6 +122,29 @@ def _locate(
     windings_in_lanes(closed, rows, row, points, wp.normalize(way), windings)
 
 
+_SKIN_M = wp.constant(1.0e-5)  # above the surface, where a ray from it starts
+_FAR_M = wp.constant(1.0e3)
+
+
+@wp.kernel
+def _find_folds(
+    surface: wp.uint64,
+    chosen: wp.array[int],
+    faces: wp.array[int],
+    weights: wp.array[wp.vec3],
+    reach: float,
+    folded: wp.array[int],
+):
+    index = wp.tid()
+    i = chosen[index]
+    at = weights[i]
+    up = wp.mesh_eval_face_normal(surface, faces[i])
+    start = wp.mesh_eval_position(surface, faces[i], at[0], at[1]) + up * _SKIN_M
+    hit = wp.mesh_query_ray(surface, start, up, _FAR_M)
+    # What meets the surface from behind starts in another part of it.
+    folded[index] = int(hit.result and (hit.t < reach or wp.dot(hit.normal, up) > 0.0))
+
+
 class MovingSurface:
     """A surface of fixed faces, indexed once.
 
@@ -190,6 +213,24 @@ class MovingSurface:
         ):
             wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE)
         return self._distance.numpy().copy(), self._windings.numpy() > 0
+
+    def in_folds(self, chosen: np.ndarray, reach_m: float) -> np.ndarray:
+        """Whether points were nearest to where the surface faces or overlaps itself.
+
+        Args:
+            chosen: (n,) numbers of points that were located last.
+            reach_m: how far the surface may be, along its normal, from where it faces itself.
+        """
+        folded = wp.zeros(len(chosen), dtype=int, device=_DEVICE)
+        numbers = wp.array(chosen.astype(np.int32), dtype=int, device=_DEVICE)
+        wp.launch(
+            _find_folds,
+            dim=len(chosen),
+            inputs=[self._open.id, numbers, self._faces, self._weights, reach_m],
+            outputs=[folded],
+            device=_DEVICE,
+        )
+        return folded.numpy() > 0
 
 
 def _close_holes(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

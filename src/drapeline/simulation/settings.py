@@ -59,10 +59,16 @@ class SimulationSettings(Settings):
 class HealthBounds(Settings):
     """Bounds that a sample must keep to be accepted."""
 
-    inside_share_mean: float = Field(
-        0.01, ge=0, le=1, description="Share of garment vertices inside the body, mean over frames."
+    inside_open_mean: float = Field(
+        0.01,
+        ge=0,
+        le=1,
+        description=(
+            "Share of garment vertices inside the body, mean over frames; those in its folds, "
+            "where the body faces itself within 40 mm or overlaps itself, do not count."
+        ),
     )
-    inside_share_max: float = Field(0.05, ge=0, le=1, description="The same, in the worst frame.")
+    inside_open_max: float = Field(0.05, ge=0, le=1, description="The same, in the worst frame.")
     depth_m: float = Field(
         0.03,
         ge=0,

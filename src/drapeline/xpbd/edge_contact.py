@@ -442,13 +442,9 @@ class CrossedTriangles:
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
         self._edges, self._triangles = edges, triangles
         _, sides = face_edges(triangles.numpy())
-        order = np.argsort(sides.ravel(), kind="stable")
-        edge = sides.ravel()[order]
-        again = np.concatenate([[False], edge[1:] == edge[:-1]])
-        beside = np.full((len(edges), 2), -1, dtype=np.int32)
-        beside[edge[~again], 0] = order[~again] // 3
-        beside[edge[again], 1] = order[again] // 3
-        self._sides, self._beside = wp.array(sides.astype(np.int32), dtype=wp.vec3i), wp.array(beside, dtype=wp.vec2i)
+        beside = np.where((places := _places(sides)) < 0, -1, places // 3)
+        self._sides = wp.array(sides.astype(np.int32), dtype=wp.vec3i)
+        self._beside = wp.array(beside.astype(np.int32), dtype=wp.vec2i)
         self._pairs = wp.zeros(0, dtype=wp.vec2i)
         self.count = wp.zeros(len(edges), dtype=int)
         self.crossed = wp.zeros((len(edges), _CROSSED_SLOTS), dtype=int)
@@ -484,12 +480,17 @@ def opposite_vertices(triangles: np.ndarray) -> np.ndarray:
 
     An edge belongs to one or two triangles (F, 3).
     """
-    pairs, sides = face_edges(triangles)
-    opposite = np.full((len(pairs), 2), -1, dtype=np.int32)
     corners = np.roll(triangles, 1, axis=1)  # opposite to the edge from each corner to the next
+    places = _places(face_edges(triangles)[1])
+    return np.where(places < 0, -1, corners.ravel()[places]).astype(np.int32)
+
+
+def _places(sides: np.ndarray) -> np.ndarray:
+    """(E, 2) places of each edge among those (F, 3) of the triangles, flat; -1 for none."""
     order = np.argsort(sides.ravel(), kind="stable")
-    edge, corner = sides.ravel()[order], corners.ravel()[order]
+    edge = sides.ravel()[order]
     again = np.concatenate([[False], edge[1:] == edge[:-1]])
-    opposite[edge[~again], 0] = corner[~again]
-    opposite[edge[again], 1] = corner[again]
-    return opposite
+    places = np.full((edge[-1] + 1, 2), -1)
+    places[edge[~again], 0] = order[~again]
+    places[edge[again], 1] = order[again]
+    return places

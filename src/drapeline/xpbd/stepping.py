@@ -226,7 +226,7 @@ class XpbdSettings:
     self_gap_m: float = 0.005  # distance between parts of a garment
     # Of how far apart parts of a garment are at rest, how far from each other they are looked for.
     rest_share: float = 0.9
-    part_sweeps: int = 3  # of keeping cloth apart at the end of a small step
+    part_sweeps: int = 5  # of keeping cloth apart at the end of a small step
     # Where a frame has to be gone through again: such sweeps, and small steps between searches.
     careful_sweeps: int = 10
     careful_steps: int = 1

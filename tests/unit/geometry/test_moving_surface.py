@@ -66,3 +66,16 @@ def test_a_real_shape_with_thin_limbs(toy_body):
     vertices, faces = toy_body.v_template, toy_body.faces
     near = vertices[::2] + rng_for(2, "near").normal(scale=0.02, size=vertices[::2].shape)
     agree(MovingSurface(vertices, faces), near, vertices, faces)
+
+
+@pytest.mark.parametrize(
+    ("apart", "reach", "folded"),
+    [(0.03, 0.04, True), (0.05, 0.04, False), (-0.05, 0.04, True), (-0.2, 0.04, True)],
+)
+def test_folds_are_where_a_surface_faces_or_overlaps_itself(apart, reach, folded):
+    (one, faces), (two, _) = ball(), ball((0.6 + apart, 0, 0))
+    surface = MovingSurface(np.concatenate([one, two]), np.concatenate([faces, faces + len(one)]))
+    surface.locate(np.array([[0.299, 0.001, 0.002], [-0.299, 0.001, 0.002]]))
+    assert surface.in_folds(np.array([0, 1]), reach).tolist() == [folded, False]
+    assert surface.in_folds(np.array([1]), reach).tolist() == [False]
+    assert surface.in_folds(np.array([], int), reach).tolist() == []

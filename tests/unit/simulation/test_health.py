@@ -113,12 +113,20 @@ def test_slipping_cloth_is_measured(ball):
 def test_a_sample_is_as_good_as_its_worst_garment():
     """Two garments, of which the second has twice all measures of the first."""
     one = np.linspace(0.1, 0.4, 4)
-    names = ("inside_share", "depth_max_m", "stretch_p01", "stretch_p99", "slip_m", "layer_share")
+    names = (
+        "inside_share",
+        "inside_open_share",
+        "depth_max_m",
+        "stretch_p01",
+        "stretch_p99",
+        "slip_m",
+        "layer_share",
+    )
     names += ("self_share", "self_crossings", "layer_crossings", "acceleration_m_s2", "gap_p05_m")
     found = summary({name: np.stack([one, 2 * one], axis=1) for name in names})
     least = {name: found.pop(name) for name in ("stretch_low", "gap_p05_m")}
     assert least == {"stretch_low": pytest.approx(0.25), "gap_p05_m": pytest.approx(0.25)}
-    highest = ("inside_share_max", "slip_m", "self_crossings_max", "layer_crossings_max")
+    highest = ("inside_open_max", "slip_m", "self_crossings_max", "layer_crossings_max")
     largest = {name: found.pop(name) for name in highest}
     assert largest == dict.fromkeys(highest, pytest.approx(0.8))
     assert found.pop("depth_m") == pytest.approx(2 * np.percentile(one, 95))
@@ -131,8 +139,8 @@ def test_only_what_is_out_of_bounds_is_named(ball):
     assert violations(good, HealthBounds()) == []
     bad = summary(watch(ball, [0.98 * vertices] * 3))
     (reason, *others) = violations(bad, HealthBounds())
-    assert reason == "inside_share_mean 1, expected at most 0.01"
-    assert [o.split()[0] for o in others] == ["inside_share_max"]
+    assert reason == "inside_open_mean 1, expected at most 0.01"
+    assert [o.split()[0] for o in others] == ["inside_open_max"]
 
 
 def test_a_value_that_is_not_a_number_is_violations(ball):
@@ -143,10 +151,10 @@ def test_a_value_that_is_not_a_number_is_violations(ball):
 def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
     frames = 20
     rng = rng_for(5, "health")
-    names = ("inside_share", "depth_max_m", "slip_m", "layer_share")
+    names = ("inside_open_share", "depth_max_m", "slip_m", "layer_share")
     values = {name: rng.random((frames, 2)).astype(np.float32) for name in names}
     bounds = HealthBounds(
-        inside_share_mean=0.3, inside_share_max=1, depth_m=0.5, slip_m=2, layer_share_mean=1
+        inside_open_mean=0.3, inside_open_max=1, depth_m=0.5, slip_m=2, layer_share_mean=1
     )
     told = [
         bool(inevitable_violations({k: v[:n] for k, v in values.items()}, bounds, frames))
@@ -155,5 +163,5 @@ def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
     assert not told[0]
     assert told[-1]
     assert told == sorted(told)
-    worst = values["inside_share"].mean(axis=0).max()
-    assert worst > bounds.inside_share_mean
+    worst = values["inside_open_share"].mean(axis=0).max()
+    assert worst > bounds.inside_open_mean

@@ -214,14 +214,14 @@ def test_the_status_says_what_made_the_sample(simulate):
     assert status["fabrics"] == {"Skirt": cotton}
     (attempt,) = status["attempts"]
     assert attempt["steps"] == 6
-    assert attempt["measures"]["inside_share_max"] < 0.05
+    assert attempt["measures"]["inside_open_max"] < 0.05
     assert status["frames_per_second"] == attempt["frames_per_second"] > 0
 
 
 def test_cloth_that_sinks_into_the_body_is_tried_finer_and_rejected(simulate):
     status, folder = simulate(Follower(sink), collider_share=0.5)
     assert status["status"] == "rejected"
-    assert "inside_share" in status["reason"]
+    assert "inside_open" in status["reason"]
     first, second = status["attempts"]
     assert second["steps"] > first["steps"]
     assert second["pose_frames"] > first["pose_frames"]
@@ -249,9 +249,9 @@ def test_an_attempt_that_cannot_come_back_into_bounds_ends_at_once(simulate):
         seen.append(frame)
         return sink(frame, vertices, followed, attempt)
 
-    status, _ = simulate(Follower(sink_and_tell), LOOSE.replace(inside_share_max=0.1), attempts=1)
+    status, _ = simulate(Follower(sink_and_tell), LOOSE.replace(inside_open_max=0.1), attempts=1)
     assert re.fullmatch(
-        r"inside_share_\w+ .*; inside_share_max .* at most 0.1 \(by frame 0\)", status["reason"]
+        r"inside_open_\w+ .*; inside_open_max .* at most 0.1 \(by frame 0\)", status["reason"]
     )
     assert "measures" not in status["attempts"][0]
     assert max(seen) == LEAD

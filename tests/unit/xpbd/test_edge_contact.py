@@ -2,12 +2,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.crossings import Crossings
+from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.contact import make_all_moves, make_moves
+from drapeline.xpbd.contact import NEVER, make_all_moves, make_moves
 from drapeline.xpbd.edge_contact import (
     CrossedTriangles,
+    NearEdges,
     opposite_vertices,
     untangle,
 )
@@ -79,47 +81,66 @@ def searched(parallel):
         level = sheet(0.0, rows=9, edge_m=0.02)
         across = sheet(0.0, rows=5, columns=4, edge_m=0.02).vertices + [0.003, 0.004, 0.0]
         upright = across[:, [2, 1, 0]] + [0.001, 0, height]
-        quads = np.concatenate([level.faces, sheet(0.0, rows=5, columns=4).faces + 81])
-        points = vectors(np.concatenate([level.vertices, upright]).astype(np.float32))
-        triangles = triangulate(quads).astype(np.int32)
-        pairs = edges(quads).astype(np.int32)
+        quads = [level.faces, sheet(0.0, rows=5, columns=4).faces]
+        cloths = [level.vertices.astype(np.float32), upright.astype(np.float32)]
+        points = vectors(np.concatenate(cloths))
+        triangles = triangulate(np.concatenate([quads[0], quads[1] + 81])).astype(np.int32)
         layers = vectors(np.repeat([0, 1], [81, 20]).astype(np.int32), int)
-        faces = vectors(triangles, wp.vec3i)
-        near = NearTriangles(points, faces, layers, 2, parallel=parallel)
+        near = NearTriangles(points, vectors(triangles, wp.vec3i), layers, 2, parallel=parallel)
         still = wp.zeros_like(points)
         near.find(points, still, np.zeros(3), time_s=0.0, margin_m=0.012, rest_share=0.9)
-        crossings = CrossedTriangles(vectors(pairs, wp.vec2i), faces)
-        before = near.near.count.numpy().copy()
-        crossings.find(points, near.near)
-        return pairs, before, near.near, crossings
+        near_edges = NearEdges(near, points.numpy(), parallel=parallel)
+        near_edges.find(margin_m=0.012, rest_share=0.9)
+        pairs = Crossings(cloths, quads).pairs_through(cloths)
+        crossed = CrossedTriangles(near_edges.edges, near.triangles)
+        crossed.take(pairs)
+        crossed.free(points, near.near, near_edges.near)
+        return pairs, triangles, near.near, near_edges
 
     return search
 
 
-def test_edges_through_triangles_are_found_and_have_no_side(searched):
-    pairs, before, near, crossings = searched(0.033)
-    crossing = np.flatnonzero(crossings.count.numpy())
+def never(near, numbers):
+    """Things and others that are near, but never due."""
+    due, count = near.due.numpy(), near.count.numpy()
+    return {
+        (i, int(other))
+        for i in numbers
+        for other, step in zip(near.other.numpy()[i], due[i, : count[i]], strict=False)
+        if step == int(NEVER)
+    }
+
+
+def test_an_edge_and_a_triangle_that_it_passes_through_are_on_no_side_of_each_other(searched):
+    pairs, triangles, near, near_edges = searched(0.033)
+    ends = near_edges.edges.numpy()
     # The strip's four upright threads pass through the level sheet.
-    through = [e for e in crossing if (pairs[e] >= 81).all()]
-    assert len(through) == 4
-    ends = np.unique(pairs[crossing])
-    assert (near.count.numpy() == before).all()
-    freed = [(near.other.numpy()[v, : before[v]] < 0).sum() for v in range(len(before))]
-    assert sum(freed) >= 4
-    assert set(np.flatnonzero(freed)) <= set(ends)
+    threads = [edge for edge in np.unique(pairs[:, 0]) if (ends[edge] >= 81).all()]
+    assert len(threads) >= 4
+    _, sides = face_edges(triangles)
+    beside = [np.flatnonzero((sides == edge).any(axis=1)) for edge in range(len(ends))]
+    vertices, between = set(), set()
+    for edge, face in pairs.tolist():
+        vertices |= {(int(end), face) for end in ends[edge]}
+        vertices |= {(int(corner), int(f)) for corner in triangles[face] for f in beside[edge]}
+        between |= {tuple(sorted((edge, int(side)))) for side in sides[face]}
+    freed, freed_edges = never(near, range(101)), never(near_edges.near, range(len(ends)))
+    assert freed
+    assert freed <= vertices
+    assert freed_edges
+    assert freed_edges <= between
 
 
 def test_sheets_apart_do_not_cross_but_are_near(searched):
-    _, before, near, crossings = searched(0.045)
-    assert crossings.count.numpy().sum() == 0
-    np.testing.assert_array_equal(near.count.numpy(), before)
-    assert all((near.other.numpy()[v, : before[v]] >= 0).all() for v in range(len(before)))
-    assert before[81:].max() > 0
+    pairs, _, near, _ = searched(0.045)
+    assert len(pairs) == 0
+    assert not never(near, range(101))
+    assert near.count.numpy()[81:].max() > 0
 
 
 def test_cloth_far_from_other_cloth_is_near_to_nothing(searched):
-    _, before, *_ = searched(0.2)
-    assert before.sum() == 0
+    _, _, near, _ = searched(0.2)
+    assert near.count.numpy().sum() == 0
 
 
 def test_corners_opposite_to_edges():
@@ -138,16 +159,13 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
     bowl[:, 2] = 8 * (bowl[:, :2] ** 2).sum(axis=1) - 0.003
     quads = np.concatenate([level.faces, sheet(0.0, rows=5).faces + 81])
     points = np.concatenate([level.vertices, bowl]).astype(np.float32)
-    triangles, pairs = (
-        triangulate(quads).astype(np.int32),
-        edges(triangulate(quads)).astype(np.int32),
-    )
+    triangles = triangulate(quads).astype(np.int32)
+    pairs = edges(triangles).astype(np.int32)
     inverse = np.repeat([1.0, 2.0], [81, 25]).astype(np.float32)
     place = vectors(points)
     before = wp.clone(place)
     edge, face = vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i)
-    layers = vectors(np.repeat([0, 1], [81, 25]).astype(np.int32), int)
-    near = NearTriangles(wp.clone(place), face, layers, 2, parallel=parallel)
+    seen = Crossings([points], [quads])
     crossings = CrossedTriangles(edge, face)
     opposite = vectors(opposite_vertices(triangles), wp.vec2i)
     move = BusyLaunch(
@@ -158,10 +176,7 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
     )
     left = []
     for _ in range(15):
-        near.find(
-            place, wp.zeros_like(place), np.zeros(3), time_s=0.0, margin_m=0.012, rest_share=0.9
-        )
-        crossings.find(place, near.near)
+        crossings.take(seen.pairs_through([place.numpy()]))
         left.append(int(crossings.count.numpy().sum()))
         move.find()
         move.launch()

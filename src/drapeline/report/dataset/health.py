@@ -75,6 +75,11 @@ MEASURES = {
         _over_frames("inside_share"), 100.0,
         bounds=(None, 0.5),
     ),
+    "unfolded": HealthMeasure(
+        "Garment vertices inside the body, outside its folds", "Outside folds", "%",
+        _over_frames("inside_open_share"), 100.0,
+        bounds=(None, 0.2),
+    ),
     "depth": HealthMeasure(
         "Deepest vertex inside the body", "Depth", "mm",
         _over_frames("depth_max_m"), 1000.0, digits=1
