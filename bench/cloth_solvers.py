@@ -35,6 +35,7 @@ SETTINGS = {
     "steps_max": 14,
     "shape_frames": 4,
     "pose_frames": 8,
+    "settle_frames": 8,
     "gap_m": 0.004,
     "collider_share": 0.6,
     "attempts": 1,

@@ -68,7 +68,13 @@ def hang(
         _Held(held, vertices),
     )
     attempt = Attempt(
-        _STEPS, _GAP_M, collider_share=1.0, shape_frames=0, pose_frames=0, floor=False
+        _STEPS,
+        _GAP_M,
+        collider_share=1.0,
+        shape_frames=0,
+        pose_frames=0,
+        settle_frames=0,
+        floor=False,
     )
     with TemporaryDirectory() as name:
         write_point_cache(Path(name, "body.pc2"), [far] * _FRAMES)

@@ -23,6 +23,7 @@ SIMULATION = {
     "steps_max": 6,
     "shape_frames": 1,
     "pose_frames": 2,
+    "settle_frames": 0,
     "collider_share": 1.0,
     "attempts": 1,
 }

@@ -20,7 +20,13 @@ HANGING = {
     "solver": "drapeline.xpbd.solver",
     "hanging": {
         "edge_length_m": 0.05,
-        "simulation": {"steps_min": 4, "steps_max": 4, "shape_frames": 1, "pose_frames": 1},
+        "simulation": {
+            "steps_min": 4,
+            "steps_max": 4,
+            "shape_frames": 1,
+            "pose_frames": 1,
+            "settle_frames": 0,
+        },
     },
 }
 

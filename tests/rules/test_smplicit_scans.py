@@ -22,6 +22,7 @@ SIMULATION = {
     "steps_max": 4,
     "shape_frames": 1,
     "pose_frames": 2,
+    "settle_frames": 0,
 }
 HANGING = {
     "solver": "drapeline.xpbd.solver",

@@ -61,7 +61,15 @@ def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8,
     write_point_cache(cache, [np.float32(ball.vertices + path(k)) for k in range(frames)])
     scratch = tmp_path / "scratch"
     scratch.mkdir(exist_ok=True)
-    attempt = Attempt(steps, GAP_M, collider_share=1.0, shape_frames=1, pose_frames=1, floor=False)
+    attempt = Attempt(
+        steps,
+        GAP_M,
+        collider_share=1.0,
+        shape_frames=1,
+        pose_frames=1,
+        settle_frames=0,
+        floor=False,
+    )
     with PointCache(cache) as points:
         limbs = np.zeros(len(ball.vertices), dtype=int)
         body = MovingBody(points, ball.faces, limbs, floor_m=floor_m)

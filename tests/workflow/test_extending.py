@@ -523,7 +523,7 @@ def test_a_row_of_the_table_makes_a_fabric(monkeypatch, toy_body, tmp_path):
         tmp_path / "00001",
         dressed,
         Follower(),
-        settings=SimulationSettings(shape_frames=2, pose_frames=3),
+        settings=SimulationSettings(shape_frames=2, pose_frames=3, settle_frames=0),
         bounds=HealthBounds(stretch_low=0, stretch_high=9),
     )
     assert status["status"] == "accepted"

@@ -37,7 +37,7 @@ class Hanger:
     ) -> None:
         self._solver, self._frames = solver, frames
         # The pose stays.
-        self._settings = SimulationSettings(**{**settings, "pose_frames": 1})
+        self._settings = SimulationSettings(**{**settings, "pose_frames": 1, "settle_frames": 0})
         self._bounds = HealthBounds(**bounds)
 
     def hang(self, outfit: Outfit, body: BodyModel) -> tuple[Outfit, str]:

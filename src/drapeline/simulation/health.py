@@ -61,12 +61,18 @@ class HealthMonitor:
         """Frames measured so far."""
         return len(self._rows)
 
-    def add(self, cloths: Sequence[np.ndarray], body: np.ndarray) -> dict[str, list[float]]:
+    def add(
+        self,
+        cloths: Sequence[np.ndarray],
+        body: np.ndarray,
+        before: Sequence[np.ndarray] | None = None,
+    ) -> dict[str, list[float]]:
         """Measure one frame: measure -> one value per garment.
 
         Args:
             cloths: (V, 3) metres, root-relative, one per garment.
             body: (B, 3) in the same frame.
+            before: `cloths` in the frame before the first, if the body stood still then.
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
@@ -96,7 +102,10 @@ class HealthMonitor:
             values["self_share"] = float(crossing[g] / crossings.edge_counts[g])
             values["self_crossings"] = float(crossing[g])
             values["layer_crossings"] = float(across[g])
-            values["acceleration_m_s2"] = np.nan
+            values["acceleration_m_s2"] = values["settling_m_s"] = np.nan
+            if before is not None:
+                ways = np.linalg.norm(cloth - before[g], axis=1)
+                values["settling_m_s"] = float(ways.mean() * FPS)
             for name, value in values.items():
                 row.setdefault(name, []).append(value)
         self._past = [*self._past[-2:], [c.astype(np.float64) for c in cloths]]
@@ -192,6 +201,7 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
         "self_crossings_max": float(arrays["self_crossings"].max()),
         "layer_crossings_max": float(arrays["layer_crossings"].max()),
         "acceleration_m_s2": float(mean["acceleration_m_s2"].max()),
+        "settling_m_s": float(mean["settling_m_s"].max()),
         "gap_p05_m": float(mean["gap_p05_m"].min()),
     }
 

@@ -29,6 +29,15 @@ class SimulationSettings(Settings):
             "first pose."
         ),
     )
+    settle_frames: int = Field(
+        8,
+        ge=0,
+        le=300,
+        description=(
+            "Frames in which the body then stands still, so that the cloth comes to rest before "
+            "the sequence begins."
+        ),
+    )
     gap_m: float = Field(
         0.004, ge=0.001, le=0.03, description="Distance between cloth and body in metres."
     )

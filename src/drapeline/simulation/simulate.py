@@ -1,5 +1,6 @@
 """Simulate an outfit on a moving body: attempts, their measures, and what is judged by these."""
 
+import itertools
 import logging
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
@@ -88,12 +89,13 @@ def body_frames(
     *,
     shape_frames: int,
     pose_frames: int,
+    settle_frames: int,
 ) -> Iterator[np.ndarray]:
     """World vertices (V, 3) of every simulated frame, transitions first.
 
     Frame 0 is the body that the garments were made for, of shape plus tightness (10,), in rest
     pose. Over `shape_frames` it takes the wearer's shape, over `pose_frames` the sequence's first
-    pose; the sequence follows.
+    pose, in which it stands for `settle_frames`; the sequence follows.
     """
     poses, path = _transition(record, pose_frames)
     rest = [
@@ -112,6 +114,8 @@ def body_frames(
         gradual[:, None, None] * record.fix_delta[fixed][None]
     ).astype(np.float32)
     yield from moving
+    (still,) = body_sequence_vertices(body, record, world=True, frames=slice(0, 1))
+    yield from itertools.repeat(still, settle_frames)
     for start in range(0, len(record.poses), _CHUNK):
         part = slice(start, min(start + _CHUNK, len(record.poses)))
         yield from body_sequence_vertices(body, record, world=True, frames=part)
@@ -372,8 +376,11 @@ def _known(measures: Mapping[str, float]) -> dict[str, float]:
 
 def _simulate(
     dressed: DressedBody, solver: ClothSolver, attempt: Attempt, folder: Path
-) -> Generator[tuple[list[np.ndarray], np.ndarray]]:
-    """Yield garments (V, 3) each and the body (B, 3), root-relative, per frame of the sequence."""
+) -> Generator[tuple[list[np.ndarray], np.ndarray, list[np.ndarray] | None]]:
+    """Yield garments (V, 3) each and the body (B, 3), root-relative, per frame of the sequence.
+
+    With the first come the garments in the frame before, if the body stood still then.
+    """
     motion, outfit = dressed.motion, dressed.outfit
     scratch = folder / "scratch"
     scratch.mkdir()
@@ -383,6 +390,7 @@ def _simulate(
         dressed.garment_shape,
         shape_frames=attempt.shape_frames,
         pose_frames=attempt.pose_frames,
+        settle_frames=attempt.settle_frames,
     )
     write_point_cache(folder / "body.pc2", bodies)
     with PointCache(folder / "body.pc2") as cache:
@@ -399,14 +407,18 @@ def _simulate(
         ]
         collider = make_collider(body, [g.vertices for g in garments], attempt.collider_share)
         cloths = solver.simulate(garments, collider, attempt, scratch)
-        number = -attempt.lead_frames
+        number, before = -attempt.lead_frames, None
         for frame in progress(cloths, total=len(body), label="cloth"):
             if not all(np.isfinite(cloth).all() for cloth in frame):
                 raise RuntimeError(f"a vertex is not finite {number} frames into the sequence")
+            trans = motion.trans[max(number, 0)].astype(np.float32)
+            relative = [cloth - trans for cloth in frame]
+            if number == -1 and attempt.settle_frames:
+                before = relative
             if number >= 0:
-                trans = motion.trans[number].astype(np.float32)
                 surface = body.frame(attempt.lead_frames + number)
-                yield [cloth - trans for cloth in frame], surface - trans
+                yield relative, surface - trans, before
+                before = None
             number += 1
     if number != len(motion.poses):
         raise RuntimeError(
@@ -446,7 +458,7 @@ def _as_published(vertices: np.ndarray) -> np.ndarray:
 def _write_and_measure(
     folder: Path,
     dressed: DressedBody,
-    frames: Generator[tuple[list[np.ndarray], np.ndarray]],
+    frames: Generator[tuple[list[np.ndarray], np.ndarray, list[np.ndarray] | None]],
     monitor: HealthMonitor,
     bounds: HealthBounds | None,
 ) -> None:
@@ -456,10 +468,10 @@ def _write_and_measure(
             stack.enter_context(point_cache_writer(folder / f"{g.name}.f32", len(g.vertices)))
             for g in dressed.outfit.garments
         ]
-        for cloths, body in frames:
+        for cloths, body, before in frames:
             for writer, cloth in zip(writers, cloths, strict=True):
                 writer.append(cloth)
-            monitor.add([_as_published(cloth) for cloth in cloths], _as_published(body))
+            monitor.add([_as_published(cloth) for cloth in cloths], _as_published(body), before)
             if bounds and inevitable_violations(
                 monitor.arrays(), bounds, len(dressed.motion.poses)
             ):

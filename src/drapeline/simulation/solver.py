@@ -27,15 +27,16 @@ class Attempt:
     steps: int
     gap_m: float  # distance that cloth keeps from the body, from other garments and from itself
     collider_share: float  # of the body's triangles to collide with
-    # shape_frames, pose_frames, floor: as in `SimulationSettings`.
+    # shape_frames, pose_frames, settle_frames, floor: as in `SimulationSettings`.
     shape_frames: int
     pose_frames: int
+    settle_frames: int
     floor: bool
 
     @property
     def lead_frames(self) -> int:
         """Frames of transition before the first frame of the sequence."""
-        return self.shape_frames + 1 + self.pose_frames
+        return self.shape_frames + 1 + self.pose_frames + self.settle_frames
 
 
 def plan_attempt(
@@ -56,6 +57,7 @@ def plan_attempt(
         collider_share=1.0 if number else settings.collider_share,
         shape_frames=settings.shape_frames,
         pose_frames=settings.pose_frames * (1 + number),
+        settle_frames=settings.settle_frames,
         floor=settings.floor,
     )
 

@@ -238,6 +238,8 @@ class XpbdSettings:
     sweeps: tuple[float, ...] = (1.0, 1.2, 1.4)
     # Coefficient of all cloth on the body during the transition; later it is each fabric's own.
     lead_friction: float = 0.1
+    # Share of its speed that cloth loses in a second of the transition, above what the air takes.
+    lead_drag_1_s: float = 10.0
     # How fast contacts take away depth that was there before a small step.
     release_m_s: float = 0.567
     # How fast cloth may slip past the body and still be held, however light the contact is.
@@ -288,6 +290,7 @@ class MovingCloth:
         self._weighed = wp.array(weighed.astype(np.float32), dtype=wp.vec4)
         self._before, self._speed, self._way = (wp.zeros_like(self._place) for _ in range(3))
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(system.skin_friction)
+        self._keep = _numbers(np.zeros(len(system.vertices)))
         self._tick = record(tick, 1, [self._steps], [wp.zeros(1, dtype=int), self._clock])
         self._tick.launch()
         self._strain = _numbers(np.zeros(len(system.vertices)))
@@ -371,7 +374,7 @@ class MovingCloth:
             record(
                 predict,
                 len(self._place),
-                [_numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry, self._step_s],
+                [self._keep, self._carry, self._step_s],
                 [self._speed, self._way, self._before, self._place, weighed],
             ),
             record(
@@ -679,6 +682,8 @@ class MovingCloth:
             self._friction.fill_(self._settings.lead_friction)
         else:
             self._friction.assign(self._system.skin_friction.astype(np.float32))
+        drag_1_s = self._system.drag_1_s + leading * self._settings.lead_drag_1_s
+        self._keep.assign(np.exp(-drag_1_s * self._step_s).astype(np.float32))
         return float(np.percentile(np.linalg.norm(moved - way, axis=1), 95))
 
 

@@ -60,7 +60,12 @@ def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body):
         dress(toy_body),
         cloth_solver(1),
         settings=SimulationSettings(
-            steps_min=6, steps_max=6, shape_frames=2, pose_frames=3, collider_share=0.5
+            steps_min=6,
+            steps_max=6,
+            shape_frames=2,
+            pose_frames=3,
+            settle_frames=0,
+            collider_share=0.5,
         ),
         bounds=HealthBounds(stretch_low=0, stretch_high=9),
     )

@@ -111,7 +111,7 @@ def test_samples_table_has_a_row_per_accepted_sample(dataset):
     first = rows[0]
     assert (first["gender"], first["garments"]) == ("female", "Tshirt+Skirt")
     assert (first["frames"], first["vertices"]) == ("6", "140")
-    assert float(first["inside_open_max"]) == pytest.approx(0.01)
+    assert float(first["inside_share_max"]) == pytest.approx(0.01)
 
 
 def test_edge_length_is_the_mean_of_the_rest_mesh(dataset):

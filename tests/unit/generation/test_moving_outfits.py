@@ -14,7 +14,7 @@ from drapeline.motions.motion import Motion, interpolate
 from toys.bounds import NO_BOUNDS
 from toys.smplicit import tube
 
-SETTINGS = {"steps_min": 6, "steps_max": 6, "pose_frames": 2, "attempts": 1}
+SETTINGS = {"steps_min": 6, "steps_max": 6, "pose_frames": 2, "settle_frames": 0, "attempts": 1}
 
 NOTHING = Motion(np.zeros((0, 72)), np.zeros((0, 3)), 30.0, "", "", "", "nothing")
 

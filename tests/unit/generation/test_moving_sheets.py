@@ -18,7 +18,13 @@ from toys.bounds import NO_BOUNDS
 from toys.smplicit import tube
 
 SETTINGS = SimulationSettings(
-    steps_min=6, steps_max=6, shape_frames=1, pose_frames=2, collider_share=1.0, attempts=1
+    steps_min=6,
+    steps_max=6,
+    shape_frames=1,
+    pose_frames=2,
+    settle_frames=0,
+    collider_share=1.0,
+    attempts=1,
 )
 
 

@@ -122,7 +122,14 @@ def test_a_sample_is_as_good_as_its_worst_garment():
         "slip_m",
         "layer_share",
     )
-    names += ("self_share", "self_crossings", "layer_crossings", "acceleration_m_s2", "gap_p05_m")
+    names += (
+        "self_share",
+        "self_crossings",
+        "layer_crossings",
+        "acceleration_m_s2",
+        "settling_m_s",
+        "gap_p05_m",
+    )
     found = summary({name: np.stack([one, 2 * one], axis=1) for name in names})
     least = {name: found.pop(name) for name in ("stretch_low", "gap_p05_m")}
     assert least == {"stretch_low": pytest.approx(0.25), "gap_p05_m": pytest.approx(0.25)}
@@ -165,3 +172,12 @@ def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
     assert told == sorted(told)
     worst = values["inside_open_share"].mean(axis=0).max()
     assert worst > bounds.inside_open_mean
+
+
+def test_how_fast_cloth_settles_is_told_of_the_first_frame(ball):
+    vertices, faces = ball
+    rest = np.full(len(edges(faces)), 0.2)
+    monitor = HealthMonitor([HealthGarment("Top", faces, rest)], faces)
+    monitor.add([1.02 * vertices], vertices, [1.02 * vertices + [0, 0, 0.001]])
+    monitor.add([1.5 * vertices], vertices)
+    assert monitor.arrays()["settling_m_s"][:, 0] == pytest.approx([0.03, np.nan], nan_ok=True)

@@ -20,13 +20,15 @@ def test_speed_and_size_never_take_steps_away(slow, fast):
 
 
 def test_the_first_attempt_is_as_asked_and_later_ones_are_finer():
-    settings = SimulationSettings(collider_share=0.6, pose_frames=8, shape_frames=4)
+    settings = SimulationSettings(
+        collider_share=0.6, pose_frames=8, shape_frames=4, settle_frames=6
+    )
     still = np.tile(REST_POSE, (5, 1))
     first, second, third = (plan_attempt(k, settings, [3000], still) for k in range(3))
     assert (first.steps, second.steps, third.steps) == (14, 21, 28)
     assert (first.collider_share, second.collider_share, third.collider_share) == (0.6, 1, 1)
     assert [a.pose_frames for a in (first, second, third)] == [8, 16, 24]
-    assert [a.lead_frames for a in (first, second)] == [4 + 1 + 8, 4 + 1 + 16]
+    assert [a.lead_frames for a in (first, second)] == [4 + 1 + 8 + 6, 4 + 1 + 16 + 6]
     assert {a.gap_m for a in (first, second, third)} == {settings.gap_m}
 
 
