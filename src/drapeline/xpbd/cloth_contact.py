@@ -158,9 +158,8 @@ def _sum_relative_ways(
     total = wp.vec2()
     way = place[i] - last[i]
     for k in range(near.count[i]):
-        if near.other[i, k] >= 0:
-            corner = triangles[near.other[i, k]][0]
-            total += wp.vec2(1.0, wp.length_sq(way - place[corner] + last[corner]))
+        corner = triangles[near.other[i, k]][0]
+        total += wp.vec2(1.0, wp.length_sq(way - place[corner] + last[corner]))
     sums[i] = total
 
 

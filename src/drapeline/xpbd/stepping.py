@@ -229,7 +229,7 @@ class XpbdSettings:
     part_sweeps: int = 5  # of keeping cloth apart at the end of a small step
     # Where a frame has to be gone through again: such sweeps, and small steps between searches.
     careful_sweeps: int = 10
-    careful_steps: int = 1
+    careful_steps: int = 2
     # How far from a vertex of the body cloth that covers it is looked for.
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002  # how far above it that cloth is held
