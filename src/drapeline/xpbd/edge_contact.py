@@ -338,7 +338,7 @@ def _forget(near: Near, i: int, other: int):
 
 @wp.kernel
 def _free_crossed(
-    pairs: wp.array[wp.vec2i],  # an edge and the triangle that it passed through
+    pairs: wp.array[wp.vec2i],  # an edge and the triangle that it passed through, or -1
     place: wp.array[wp.vec3],
     edges: wp.array[wp.vec2i],
     triangles: wp.array[wp.vec3i],
@@ -350,6 +350,8 @@ def _free_crossed(
     # An edge and a triangle that it passes through are on no side of each other, nor are their
     # parts.
     pair = pairs[wp.tid()]
+    if pair[0] < 0:
+        return
     ends = edges[pair[0]]
     c = triangles[pair[1]]
     p = place[ends[0]]
@@ -445,13 +447,17 @@ class CrossedTriangles:
         beside = np.where((places := _places(sides)) < 0, -1, places // 3)
         self._sides = wp.array(sides.astype(np.int32), dtype=wp.vec3i)
         self._beside = wp.array(beside.astype(np.int32), dtype=wp.vec2i)
-        self._pairs = wp.zeros(0, dtype=wp.vec2i)
+        # Of one size, since a GPU repeats launches as they were recorded.
+        self._pairs = wp.zeros(len(edges), dtype=wp.vec2i)
         self.count = wp.zeros(len(edges), dtype=int)
         self.crossed = wp.zeros((len(edges), _CROSSED_SLOTS), dtype=int)
 
     def take(self, pairs: np.ndarray) -> None:
         """Take numbers (n, 2) of edges and triangles, as `Crossings.pairs_through` gives them."""
-        self._pairs = wp.array(pairs, dtype=wp.vec2i)
+        pairs = pairs[: len(self._pairs)]
+        rows = np.full((len(self._pairs), 2), -1, dtype=np.int32)
+        rows[: len(pairs)] = pairs
+        self._pairs.assign(rows)
         pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
         slot = np.arange(len(pairs)) - np.searchsorted(pairs[:, 0], pairs[:, 0])
         pairs, slot = pairs[slot < _CROSSED_SLOTS], slot[slot < _CROSSED_SLOTS]
