@@ -9,6 +9,7 @@ import numpy as np
 from drapeline.bodies.contact import floor_contact
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.motion_fit import fit_motion, lift_supports
+from drapeline.bodies.overlap import measure_overlap
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
@@ -19,7 +20,7 @@ from drapeline.bodies.self_collision import (
     body_parts,
     solve_self_collisions,
 )
-from drapeline.bodies.sequence import BodySequence, ClipLabels
+from drapeline.bodies.sequence import BodySequence, ClipLabels, press_apart
 from drapeline.frames import JOINT_NAMES
 
 # The floor is at this percentile of the frames' lowest points: a single stray frame must not lift
@@ -134,6 +135,11 @@ def first_free_sequence(
         path = place_on_floor(freed.vertices, trans, scale)
     elif freed.thinned:
         path = lift_supports(freed.vertices, path, supports.flight)
+    removed_segments = _joints_of(solution.removed)
+    pressed = freed.vertices.copy()
+    press_apart(pressed, np.arange(len(pressed)), solution.frame, solution.vertex, solution.delta)
+    collides = ~np.isin(body.segmentation, removed_segments)
+    overlap = measure_overlap(body, pressed, collides)
     contact = floor_contact(freed.vertices, path, body.segmentation)
     collided = (solution.depth_m > 0).any(axis=1)
     return BodySequence(
@@ -150,13 +156,15 @@ def first_free_sequence(
         reason=_reason(solution),
         thinned=freed.thinned,
         redrawn=redrawn,
-        removed_segments=_joints_of(solution.removed),
+        removed_segments=removed_segments,
         fix_frame=solution.frame,
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
         collided_frames=int(collided.sum()),
         leftover_frames=int(solution.leftover.any(axis=1).sum()),
         deepest_m=float(solution.depth_m.max(initial=0)),
+        overlap_share=overlap.share,
+        overlap_depth_m=overlap.depth_m,
         penetration_m=contact.penetration_m,
         sliding_m_s=contact.sliding_m_s,
         hover_s=contact.hover_s,

@@ -47,6 +47,8 @@ class BodySequence:
     collided_frames: int  # frames in which parts were pressed apart
     leftover_frames: int  # frames in which parts still cross somewhere after that
     deepest_m: float  # greatest distance that a vertex was moved, metres
+    overlap_share: float  # this and the next: what is left, see `overlap.Overlap`
+    overlap_depth_m: float
     penetration_m: float  # this and the next three: see `contact.FloorContact`
     sliding_m_s: float
     hover_s: float

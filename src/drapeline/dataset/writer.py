@@ -187,6 +187,8 @@ def _self_collision(record: BodySequence) -> dict[str, Any]:
         "collided_frames": record.collided_frames,
         "leftover_frames": record.leftover_frames,
         "deepest_m": record.deepest_m,
+        "overlap_share": record.overlap_share,
+        "overlap_depth_m": record.overlap_depth_m,
     }
 
 

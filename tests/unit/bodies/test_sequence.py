@@ -39,6 +39,8 @@ def record():
         collided_frames=2,
         leftover_frames=0,
         deepest_m=0.01,
+        overlap_share=0.004,
+        overlap_depth_m=0.006,
         penetration_m=0.002,
         sliding_m_s=0.1,
         hover_s=0.2,
