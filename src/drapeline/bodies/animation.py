@@ -21,6 +21,7 @@ from drapeline.bodies.self_collision import (
     solve_self_collisions,
 )
 from drapeline.bodies.sequence import BodySequence, ClipLabels, press_apart
+from drapeline.bodies.smooth_pressing import smooth_corrections
 from drapeline.frames import JOINT_NAMES
 
 # The floor is at this percentile of the frames' lowest points: a single stray frame must not lift
@@ -130,6 +131,10 @@ def first_free_sequence(
     else:
         freed = _solve(body, parts, shape, poses, None, gap_m)  # all frames, for the record
     solution = freed.solution
+    if freed.free:
+        solution = smooth_corrections(
+            freed.vertices, poses, body.segmentation, parts, solution, gap_m=gap_m
+        )
     if not fitted:
         scale = _path_scale(body, freed.shape, reference_leg_length_m)
         path = place_on_floor(freed.vertices, trans, scale)
@@ -161,8 +166,7 @@ def first_free_sequence(
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
         collided_frames=int(collided.sum()),
-        leftover_frames=int(solution.leftover.any(axis=1).sum()),
-        deepest_m=float(solution.depth_m.max(initial=0)),
+        deepest_m=float(np.linalg.norm(solution.delta, axis=1).max(initial=0)),
         overlap_share=overlap.share,
         overlap_depth_m=overlap.depth_m,
         penetration_m=contact.penetration_m,

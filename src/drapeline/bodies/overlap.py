@@ -33,9 +33,11 @@ def measure_overlap(body: BodyModel, vertices: np.ndarray, collides: np.ndarray)
         collides: (V,) mask of the vertices that count; the surface ends where theirs does.
     """
     parts = part_of_joint()[body.segmentation]
+    find_inside = SelfOverlap(body.faces, parts)
     folded = np.zeros(len(parts), dtype=bool)
-    folded[SelfOverlap(body.faces, parts)(body.v_template)[0]] = True
-    find_inside = SelfOverlap(faces_within(body.faces, collides), parts)
+    folded[find_inside(body.v_template)[0]] = True
+    if not collides.all():
+        find_inside = SelfOverlap(faces_within(body.faces, collides), parts)
     count, depth_m = 0, 0.0
     measured = vertices[::_EVERY]
     for frame in measured:

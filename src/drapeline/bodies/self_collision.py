@@ -306,6 +306,11 @@ class Solution:
         return self.depth_m > _limits()
 
 
+def _allowed(removed: frozenset[str]) -> np.ndarray:
+    """(P,) bool: none of the pair's parts is left out."""
+    return np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
+
+
 def _limits() -> np.ndarray:
     """(P,) float32 depth in metres that each of the `PAIRS` may have."""
     return np.array([pair.limit_m for pair in PAIRS], dtype=np.float32)
@@ -316,6 +321,7 @@ def solve_self_collisions(
     parts: BodyParts,
     *,
     gap_m: float,
+    removed: frozenset[str] = frozenset(),
     cures: Sequence[frozenset[str]] | None = None,
     order: Iterable[int] | None = None,
 ) -> Solution:
@@ -324,10 +330,11 @@ def solve_self_collisions(
     Args:
         vertices: (N, V, 3) posed body in metres.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
+        removed: names of the parts that are left out of all frames.
         cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
             in one. A frame that is too deep and has no such parts ends it: frames after it are left
-            as they are, and some before it may still hold what was left out last. If None, all
-            parts stay and all frames are solved.
+            as they are, and some before it may still hold what was left out last. If None, no more
+            parts are left out and all frames are solved.
         order: in which to solve the frames, each once.
     """
     pair_parts = np.array(
@@ -351,8 +358,7 @@ def solve_self_collisions(
     limits = _limits()
     find_inside = InsideParts(parts)
     moves: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    removed: frozenset[str] = frozenset()
-    allowed = np.ones(len(PAIRS), dtype=bool)
+    allowed = _allowed(removed)
     waiting = deque(range(len(vertices)) if order is None else map(int, order))
     while waiting:
         frame = waiting.popleft()
@@ -375,7 +381,7 @@ def solve_self_collisions(
         if not found:
             break
         removed |= found
-        allowed = np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
+        allowed = _allowed(removed)
         waiting.appendleft(frame)
         # As well as those in which what is left out from now on has touched something.
         met = (depth > 0) | leftover
@@ -604,15 +610,18 @@ def _separate(vertices: np.ndarray, parts: BodyParts, contact: _Contact, gap_m: 
         centre = points.mean(axis=0)
         normal = np.linalg.svd(points - centre, full_matrices=False)[2][2]
         radius = np.linalg.norm(points - centre, axis=1).max() + 0.01
-        members = [_free_near(vertices, contact, side, centre, 2 * radius) for side in (0, 1)]
-        heights = [(vertices[ids] - centre) @ normal for ids in members]
-        if heights[0].mean() < heights[1].mean():
+        heights = [
+            (vertices[_within_reach(vertices, ids, centre, radius)] - centre) @ normal
+            for ids in contact.inside
+        ]
+        # What is inside the other part is beyond the plane.
+        if heights[0].sum() > heights[1].sum():
             normal = -normal
         for side, sign in ((0, 1.0), (1, -1.0)):
             # Two rings more: what does not cross yet may be closer than the gap.
             reached = parts.around(parts.around(contact.inside[side]))
             ids = np.intersect1d(contact.near[side], reached, assume_unique=True)
-            ids = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
+            ids = _within_reach(vertices, ids, centre, radius)
             height = sign * ((vertices[ids] - centre) @ normal)
             lacking = np.maximum(gap_m / 2 - height, 0)
             vertices[ids] += (sign * lacking)[:, None] * normal
@@ -633,10 +642,8 @@ def _clusters(points: np.ndarray) -> list[np.ndarray]:
     return [group for group in groups if len(group) >= 3]
 
 
-def _free_near(
-    vertices: np.ndarray, contact: _Contact, side: int, centre: np.ndarray, radius: float
+def _within_reach(
+    vertices: np.ndarray, ids: np.ndarray, centre: np.ndarray, radius: float
 ) -> np.ndarray:
-    """Vertices of a part around a contact that are not inside the other part."""
-    ids = np.setdiff1d(contact.near[side], contact.inside[side])
-    close = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
-    return close if len(close) else contact.near[side]
+    """Those of some vertices that are less than a radius away from a point."""
+    return ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]

@@ -1,10 +1,7 @@
 """Pressing colliding body parts apart."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from trimesh.creation import icosphere
 
 from drapeline.bodies import self_collision
 from drapeline.bodies.model import posed_vertices
@@ -20,6 +17,7 @@ from drapeline.bodies.self_collision import (
 )
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import vertex_normals
+from toys.colliding_balls import two_balls
 
 
 @pytest.fixture(scope="module")
@@ -231,19 +229,6 @@ def test_separated_parts_lie_a_gap_apart():
     assert set(collisions(solution, 0)) == {("left_thigh", "right_thigh")}
     # Each side gives way by half of the 10 mm overlap and of the gap.
     assert solution.depth_m.max() == pytest.approx(0.005 + GAP_M / 2, abs=1e-3)
-
-
-def two_balls(radius_m, apart_m):
-    """Vertices and parts of a left thigh at the origin and a right one along x."""
-    ball = icosphere(subdivisions=4, radius=radius_m)
-    count = len(ball.vertices)
-    hips = [JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")]
-    body = SimpleNamespace(
-        v_template=np.concatenate([ball.vertices, ball.vertices + np.array([apart_m, 0, 0])]),
-        faces=np.concatenate([ball.faces, ball.faces + count]).astype(np.int32),
-        segmentation=np.repeat(hips, count),
-    )
-    return body.v_template, body_parts(body)
 
 
 def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):

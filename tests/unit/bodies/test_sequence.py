@@ -37,7 +37,6 @@ def record():
         fix_vertex=np.array([7, 9, 7], dtype=np.int32),
         fix_delta=np.eye(3, dtype=np.float32),
         collided_frames=2,
-        leftover_frames=0,
         deepest_m=0.01,
         overlap_share=0.004,
         overlap_depth_m=0.006,
