@@ -18,6 +18,7 @@ from drapeline.bodies.self_collision import (
     Pair,
     Solution,
     body_parts,
+    depth_limits,
     solve_self_collisions,
 )
 from drapeline.bodies.sequence import BodySequence, ClipLabels, press_apart
@@ -249,7 +250,8 @@ def _reason(solution: Solution) -> str:
     pair = PAIRS[index]
     return (
         f"{pair.first} and {pair.second} overlap by {1000 * deep.max():.0f} mm in frame {frame},"
-        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart, and no thinner body helps"
+        f" at most {1000 * solution.limit_m[index]:.0f} mm can be pressed apart,"
+        " and no thinner body helps"
     ).replace("_", " ")
 
 
@@ -268,7 +270,14 @@ def _solve(
     """
     vertices, _ = posed_vertices(body, shape, poses)
     cures = None if removable is None else [_cure(pair, removable) for pair in PAIRS]
-    solution = solve_self_collisions(vertices, parts, gap_m=gap_m, cures=cures, order=order)
+    solution = solve_self_collisions(
+        vertices,
+        parts,
+        gap_m=gap_m,
+        limit_m=depth_limits(parts, shape_body(body, shape)[0]),
+        cures=cures,
+        order=order,
+    )
     return _Freed(shape, vertices, solution)
 
 

@@ -37,7 +37,7 @@ from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.frames import FPS, JOINT_NAMES, PARENTS
 from drapeline.geometry.mesh import vertex_normals
 
-_LOOSENESS = (16, 8, 4, 2, 1, 1, 1, 1, 1, 1)  # of the conditions, step by step
+_LOOSENESS = (16, 8, 4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # of the conditions, step by step
 _CELL_M = 0.012  # of the surface, one point each
 _REACH_M = 0.15  # points that are never so near to the lowest one are left out
 _SUNK_M = 0.001  # how far the patch that bears weight is pressed into the floor
@@ -45,11 +45,13 @@ _CLEAR_M = 0.016  # height of what passes over the floor,
 _CLEAR_STEP_M = 0.012  # but only so much for every frame that it is away from its contact
 _TUCKED = 0.7  # of the way that the body flies, its lowest point does at least
 _LIMB_CELL_M = 0.03
-_ROOT_SHARE = 0.4  # of upper arms and thighs, which may lie against the trunk
+_ROOT_SHARE = 0.4  # of upper arms, thighs and shins, which may lie against what they are joined to
 _LIMB_DEPTH_M = 0.01  # limbs may be so deep in the rest of the body, which yields
 _ALIGNED = 0.8  # cosine of the angle between normal and way out
 _LIMB_STEP_M = 0.05  # and are not moved further in one step
-_LOOK_STEPS = 5  # after so many steps it is seen anew which points are close
+_LOOK_STEPS = 5  # after so many steps it is seen anew which points are closest in all frames,
+_CLOSE_M = 0.02  # and after each step in those where some are so close,
+_ASIDE_M = 0.1  # but not for points that were so far from all others
 # Standard deviations of the least squares.
 _HEIGHT_M = 0.001
 _PULL_M = 0.004  # of supports that are higher than another
@@ -112,8 +114,11 @@ _APART = [
     (["left_hip", "right_hip"], _TRUNK[1:4]),
     (["left_hip", "left_knee"], ("right_hip", "right_knee")),
     (["right_hip", "right_knee"], ("left_hip", "left_knee")),
+    (["left_knee", "left_ankle"], ("left_hip",)),
+    (["right_knee", "right_ankle"], ("right_hip",)),
 ]
-_ROOTS = {"shoulder": ("shoulder", "elbow"), "hip": ("hip", "knee")}  # joined to the trunk; far end
+# Joined to the others; far end.
+_ROOTS = {"shoulder": ("shoulder", "elbow"), "hip": ("hip", "knee"), "knee": ("knee", "ankle")}
 
 
 def _above() -> np.ndarray:
@@ -261,13 +266,20 @@ class _Limbs:
         wanted = [JOINT_NAMES.index(name) for name in others]
         self._others = np.flatnonzero(np.isin(skin.segments, wanted))
         self._near = np.zeros((0, 0), dtype=np.int64)  # (N, K) closest of the others
+        self._distance = np.zeros((0, 0))  # (N, K) metres
+        self._close = np.zeros(0, dtype=bool)  # (N,) some are about to meet, or have met
 
-    def look(self, shell: _Shell) -> None:
-        """See which points are closest to one another."""
-        found = [
-            KDTree(points[self._others]).query(points[self._limbs])[1] for points in shell.points
-        ]
-        self._near = self._others[np.stack(found)]
+    def look(self, shell: _Shell, everywhere: bool) -> None:
+        """See which points are closest to one another, in all frames or where some are close."""
+        if everywhere:
+            self._close = np.ones(len(shell.points), dtype=bool)
+            self._distance = np.zeros((len(shell.points), len(self._limbs)))
+            self._near = np.zeros(self._distance.shape, dtype=np.int64)
+        for frame in np.flatnonzero(self._close):
+            points = shell.points[frame]
+            asked = np.flatnonzero(self._distance[frame] < _ASIDE_M)
+            tree = KDTree(points[self._others], balanced_tree=False, compact_nodes=False)
+            self._near[frame, asked] = self._others[tree.query(points[self._limbs[asked]])[1]]
 
     def add_to(self, system: "_Banded", pose: _Pose, shell: _Shell, loose: float) -> None:
         """Add how deep each part of the limbs is in the others, where it is deepest."""
@@ -275,8 +287,10 @@ class _Limbs:
         outward = shell.normals[rows, self._near]  # (N, K, 3)
         offset = shell.points[rows, self._near] - shell.points[:, self._limbs]
         depth = np.einsum("nka,nka->nk", offset, outward)
+        self._distance = distance = np.linalg.norm(offset, axis=2)
         # What is beside the rim of the others is not in them.
-        depth[depth < _ALIGNED * np.linalg.norm(offset, axis=2)] = 0
+        depth[depth < _ALIGNED * distance] = 0
+        self._close = ((distance < _CLOSE_M) | (depth > 0)).any(axis=1)
         ends = np.cumsum([0, *(len(ids) for ids in self._groups)])
         parts = [slice(*ends) for ends in pairwise(ends)]
         excess = np.stack([depth[:, part].max(axis=1) for part in parts], axis=1) - _LIMB_DEPTH_M
@@ -436,8 +450,7 @@ class _Fit:
         rest, turns = self._shell.at_rest(rotations), self._shell.turns(pose)
         shell = _Shell(self._shell, rest, _move(turns, rest), _rotate(turns, self._normals))
         for limbs in self._limbs:
-            if self._taken % _LOOK_STEPS == 0:
-                limbs.look(shell)
+            limbs.look(shell, everywhere=self._taken % _LOOK_STEPS == 0)
             limbs.add_to(system, pose, shell, loose)
         self._taken += 1
         lack, slopes = self._add_floor(system, pose, places, points, loose)

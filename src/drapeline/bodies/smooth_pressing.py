@@ -8,13 +8,14 @@ then overlaps is solved again. N frames at 30 fps, K vertices that are ever move
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_dilation, gaussian_filter1d
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
 from drapeline.bodies.self_collision import BodyParts, Solution, solve_self_collisions
 
 ROUNDS = 2  # of solving and smoothing, the first solution included
 _SPREAD_FRAMES = 2.0  # standard deviation in time
+_REACH_FRAMES = 5  # corrections spread over so many frames either way
 _LIFTS = 8  # after so many, what is lacking is a fraction of a millimetre
 _LEAST_M = 2e-5  # shorter corrections are left out
 
@@ -49,8 +50,12 @@ def smooth_corrections(
     found = solution
     for turn in range(ROUNDS):
         if turn:
+            # Only what has collided close by in time; this leaves out what is removed as well.
             found = solve_self_collisions(
-                vertices + moves, parts, gap_m=gap_m, removed=solution.removed
+                vertices + moves,
+                parts,
+                gap_m=gap_m,
+                suspects=binary_dilation(solution.depth_m > 0, np.ones((2 * _REACH_FRAMES + 1, 1))),
             )
         moves[found.frame, found.vertex] += found.delta
         moved = np.flatnonzero(moves.any(axis=(0, 2)))
@@ -75,6 +80,10 @@ def _envelope(moves: np.ndarray) -> np.ndarray:
     for _ in range(_LIFTS):
         lack = np.maximum(length - np.einsum("nka,nka->nk", smooth, ways), 0)
         smooth += gaussian_filter1d(
-            lack[..., None] * ways, _SPREAD_FRAMES, axis=0, mode="nearest", truncate=2.5
+            lack[..., None] * ways,
+            _SPREAD_FRAMES,
+            axis=0,
+            mode="nearest",
+            radius=_REACH_FRAMES // 2,
         )
     return smooth
