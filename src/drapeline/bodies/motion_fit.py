@@ -51,7 +51,7 @@ _ALIGNED = 0.8  # cosine of the angle between normal and way out
 _LIMB_STEP_M = 0.05  # and are not moved further in one step
 _LOOK_STEPS = 5  # after so many steps it is seen anew which points are closest in all frames,
 _CLOSE_M = 0.02  # and after each step in those where some are so close,
-_ASIDE_M = 0.1  # but not for points that were so far from all others
+_ASIDE_M = 0.06  # but not for points that were so far from all others
 # Standard deviations of the least squares.
 _HEIGHT_M = 0.001
 _PULL_M = 0.004  # of supports that are higher than another
@@ -283,30 +283,38 @@ class _Limbs:
 
     def add_to(self, system: "_Banded", pose: _Pose, shell: _Shell, loose: float) -> None:
         """Add how deep each part of the limbs is in the others, where it is deepest."""
-        rows = np.arange(len(shell.points))[:, None]
-        outward = shell.normals[rows, self._near]  # (N, K, 3)
-        offset = shell.points[rows, self._near] - shell.points[:, self._limbs]
+        frames = np.flatnonzero(self._close)
+        rows, near = frames[:, None], self._near[frames]
+        outward = shell.normals[rows, near]  # (N', K, 3)
+        offset = shell.points[rows, near] - shell.points[rows, self._limbs]
         depth = np.einsum("nka,nka->nk", offset, outward)
-        self._distance = distance = np.linalg.norm(offset, axis=2)
+        distance = np.linalg.norm(offset, axis=2)
         # What is beside the rim of the others is not in them.
         depth[depth < _ALIGNED * distance] = 0
-        self._close = ((distance < _CLOSE_M) | (depth > 0)).any(axis=1)
+        self._distance[frames] = distance
+        self._close[frames] = ((distance < _CLOSE_M) | (depth > 0)).any(axis=1)
         ends = np.cumsum([0, *(len(ids) for ids in self._groups)])
         parts = [slice(*ends) for ends in pairwise(ends)]
         excess = np.stack([depth[:, part].max(axis=1) for part in parts], axis=1) - _LIMB_DEPTH_M
-        if not (excess > 0).any():
+        deep = np.flatnonzero((excess > 0).any(axis=1))
+        if not len(deep):
             return
+        frames, near, outward, depth, excess = (
+            values[deep] for values in (frames, near, outward, depth, excess)
+        )
         moments = np.zeros((2, *excess.shape, SEGMENTS, 4))
         directions = np.zeros((*excess.shape, 3))
+        rest = shell.rest if len(shell.rest) == 1 else shell.rest[frames]
         for group, (ids, part) in enumerate(zip(self._groups, parts, strict=True)):
             share = patch_weights(-depth[:, part])
-            moments[0, :, group] = shell.skin.moments(shell.rest, ids, share)
-            moments[1, :, group] = shell.skin.spread_moments(shell.rest, self._near[:, part], share)
+            moments[0, :, group] = shell.skin.moments(rest, ids, share)
+            moments[1, :, group] = shell.skin.spread_moments(rest, near[:, part], share)
             directions[:, group] = np.einsum("nk,nka->na", share, outward[:, part])
-        slopes = [_rows(pose, part, (0, 1, 2))[1] for part in moments]
+        there = _Pose(*(values[frames] for values in pose))
+        slopes = [_rows(there, part, (0, 1, 2))[1] for part in moments]
         slope = np.einsum("npau,npa->npu", slopes[1] - slopes[0], directions)
         weight = np.where(excess > 0, 1 / (loose * _LIMB_M) ** 2, 0)
-        system.add([slope], np.clip(excess, 0, _LIMB_STEP_M), weight)
+        system.add([slope], np.clip(excess, 0, _LIMB_STEP_M), weight, frames)
 
 
 class _Banded:
@@ -317,16 +325,23 @@ class _Banded:
         self.blocks = [np.zeros((max(count - lag, 0), _UNKNOWNS, _UNKNOWNS)) for lag in range(3)]
         self.right = np.zeros((count, _UNKNOWNS))
 
-    def add(self, slopes: list[np.ndarray], residual: np.ndarray, weight: np.ndarray) -> None:
-        """Add squares of residuals (M, R) of M successive frames and those that follow.
+    def add(
+        self,
+        slopes: list[np.ndarray],
+        residual: np.ndarray,
+        weight: np.ndarray,
+        frames: np.ndarray | None = None,
+    ) -> None:
+        """Add squares of residuals (M, R) of M frames and those that follow each.
 
         Args:
             slopes: (M, R, U) by the unknowns of the frame, the next and so on.
             weight: (M, R) of the squares.
+            frames: (M,) their numbers, each once; the first M if None.
         """
         weighted = [slope * weight[..., None] for slope in slopes]
         for first in range(len(slopes)):
-            rows = slice(first, first + len(residual))
+            rows = slice(first, first + len(residual)) if frames is None else first + frames
             self.right[rows] += np.einsum("mru,mr->mu", weighted[first], residual)
             for second in range(first, len(slopes)):
                 block = np.swapaxes(slopes[second], 1, 2) @ weighted[first]  # (M, later, earlier)
@@ -355,8 +370,10 @@ class _Banded:
         for lag, block in enumerate(self.blocks):
             offset = lag * size + later - earlier
             valid = offset >= 0
-            for frame, one in enumerate(block):
-                bands[offset[valid], frame * size + earlier[valid]] = one[valid]
+            columns = bands.reshape(3 * size, self.count, size)
+            columns[offset[valid], : len(block), earlier[valid]] = block[
+                :, later[valid], earlier[valid]
+            ].T
         bands[0] += np.tile(_DAMPING, self.count)
         solved = solveh_banded(bands, -self.right.ravel(), lower=True, overwrite_ab=True)
         return solved.reshape(self.count, size)
