@@ -13,6 +13,7 @@ _DEVICE = "cpu"
 _CELLS = 1 << 16  # their numbers have 16 bits, which NumPy sorts fastest
 _HAIR_M = 1e-4  # so far outside its own surface a vertex is looked for
 _NEAR_M = 0.012  # others are looked for within this distance, then twice as far, and so on
+_STEEP = 0.7  # cosine: farther away, what is beneath the nearest one, not beside it, is in its part
 
 
 @wp.struct
@@ -145,7 +146,9 @@ def _find_depths(
             least = reach * reach
     if nearest >= 0:
         height = wp.dot(sorted_points[nearest] - point, normals[order[nearest]])
-        depths[wp.tid()] = wp.max(height, 0.0)
+        distance = wp.sqrt(least)
+        if distance < wp.static(_NEAR_M) or height > wp.static(_STEEP) * distance:
+            depths[wp.tid()] = wp.max(height, 0.0)
 
 
 class SelfOverlap:
@@ -194,7 +197,8 @@ class SelfOverlap:
 
         Returns:
             Their numbers (k,), sorted, and depths (k,) in metres: beneath the tangent plane of the
-            nearest vertex of another part; 0 if it is above.
+            nearest vertex of another part; 0 if it is above or beside it, as in a fold of its own
+            part.
         """
         points = self._holes.add_centres(vertices[self.vertices])
         self._points.assign(points)
