@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from drapeline.bodies import self_collision
-from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.model import posed_vertices, shape_body
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
     PART_NAMES,
     InsideParts,
     body_parts,
+    depth_limits,
     part_of_joint,
     segment_triangle_crossings,
     solve_self_collisions,
@@ -229,6 +230,24 @@ def test_separated_parts_lie_a_gap_apart():
     assert set(collisions(solution, 0)) == {("left_thigh", "right_thigh")}
     # Each side gives way by half of the 10 mm overlap and of the gap.
     assert solution.depth_m.max() == pytest.approx(0.005 + GAP_M / 2, abs=1e-3)
+
+
+def test_thick_flesh_yields_more(toy_body, parts):
+    fixed = np.array([pair.limit_m for pair in PAIRS])
+    thin, thick = (
+        depth_limits(parts, shape_body(toy_body, np.eye(10)[1] * corpulence)[0])
+        for corpulence in (-3, 3)
+    )
+    assert (thin >= fixed - 1e-6).all()
+    assert (thick >= thin).all()
+    assert thick.max() > fixed.max() + 0.005
+
+
+def test_depths_are_judged_by_the_limits_given(toy_body, parts):
+    strict = np.full(len(PAIRS), 1e-4)
+    _, solution = solve(toy_body, parts, arms_down(1.38), limit_m=strict)
+    np.testing.assert_array_equal(solution.unsolved(), solution.depth_m > 1e-4)
+    assert solution.unsolved().any()
 
 
 def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):
