@@ -306,8 +306,20 @@ class Solution:
     removed: frozenset[str]  # names of the parts that were left out
 
     def unsolved(self) -> np.ndarray:
-        """(N, P) bool: deeper than the pair's limit."""
-        return self.depth_m > self.limit_m
+        """(N, P) bool: deeper than the pair's limit, in two frames in a row if there are more."""
+        return _too_deep(self.depth_m, self.limit_m)
+
+
+def _too_deep(depth_m: np.ndarray, limit_m: np.ndarray) -> np.ndarray:
+    """(N, P) bool: depths (N, P) above their limits (P,), but for single frames.
+
+    Nothing goes so deep and comes back in a frame: there, a plane was laid the wrong way.
+    """
+    deep = depth_m > limit_m
+    if len(deep) > 2:
+        padded = np.pad(deep, ((1, 1), (0, 0)))
+        deep &= padded[:-2] | padded[2:]
+    return deep
 
 
 def depth_limits(parts: BodyParts, rest: np.ndarray) -> np.ndarray:
@@ -346,10 +358,10 @@ def solve_self_collisions(
         vertices: (N, V, 3) posed body in metres.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         limit_m: (P,) of `depth_limits`; those of the `PAIRS` if None.
-        cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
-            in one. A frame that is too deep and has no such parts ends it: frames after it are left
-            as they are, and some before it may still hold what was left out last. If None, all
-            parts stay and all frames are solved.
+        cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep,
+            see `Solution.unsolved`. What is too deep and has no such parts ends it: frames that
+            are not solved yet are left as they are, and others may still hold what was left out
+            last. If None, all parts stay and all frames are solved.
         order: in which to solve the frames, each once.
         suspects: (N, P) bool, those of the `PAIRS` that may collide in each frame; all if None.
     """
@@ -394,8 +406,15 @@ def solve_self_collisions(
         change = moved - vertices[frame]
         touched = np.flatnonzero(change.any(axis=1))
         moves[frame] = touched, change[touched]
-        deep = np.flatnonzero(depth[frame] > limit_m)
-        if cures is None or not len(deep):
+        if cures is None or not (depth[frame] > limit_m).any():
+            continue
+        around = range(max(frame - 1, 0), min(frame + 2, len(vertices)))
+        for other in set(around).intersection(waiting):  # they tell whether it is alone
+            waiting.remove(other)
+            waiting.appendleft(other)
+        known = slice(max(frame - 2, 0), frame + 3)
+        deep = np.flatnonzero(_too_deep(depth[known], limit_m).any(axis=0) & allowed)
+        if not len(deep):
             continue
         found = frozenset().union(*(cures[pair] for pair in deep))
         if not found:

@@ -11,7 +11,13 @@ import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter1d
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
-from drapeline.bodies.self_collision import BodyParts, Solution, solve_self_collisions
+from drapeline.bodies.self_collision import (
+    PAIRS,
+    PART_NAMES,
+    BodyParts,
+    Solution,
+    solve_self_collisions,
+)
 
 ROUNDS = 2  # of solving and smoothing, the first solution included
 _SPREAD_FRAMES = 2.0  # standard deviation in time
@@ -58,6 +64,8 @@ def smooth_corrections(
                 suspects=binary_dilation(solution.depth_m > 0, np.ones((2 * _REACH_FRAMES + 1, 1))),
             )
         moves[found.frame, found.vertex] += found.delta
+        if not turn:
+            _forget_outliers(moves, solution, parts)
         moved = np.flatnonzero(moves.any(axis=(0, 2)))
         own = turns[:, segmentation[moved]]  # (N, K, 3, 3)
         local = np.einsum("nkba,nkb->nka", own, moves[:, moved])
@@ -70,6 +78,17 @@ def smooth_corrections(
         vertex=vertex.astype(np.int32),
         delta=moves[kept],
     )
+
+
+def _forget_outliers(moves: np.ndarray, solution: Solution, parts: BodyParts) -> None:
+    """Leave out, in place, moves (N, V, 3) of parts that are too deep in a single frame.
+
+    There a plane was laid the wrong way; what the frames around it ask for comes in its place.
+    """
+    alone = (solution.depth_m > solution.limit_m) & ~solution.unsolved()
+    for frame, index in np.argwhere(alone):
+        for name in (PAIRS[index].first, PAIRS[index].second):
+            moves[frame, parts.part_vertices[PART_NAMES.index(name)]] = 0
 
 
 def _envelope(moves: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ def test_what_stopped_one_body_is_looked_at_first_in_the_next(toy_body, monkeypa
         return solve_self_collisions(*given, order=order, **options)
 
     monkeypatch.setattr(animation, "solve_self_collisions", solve)
-    angles = [0.4] * 17 + [1.8] + [0.4] * 7
+    angles = [0.4] * 17 + [1.8] * 2 + [0.4] * 6
     trans = np.tile([1.0, 2.0, 0.95], (len(angles), 1))
     shapes = [np.zeros(10), np.full(10, 0.1)]
     first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender="female")

@@ -1,5 +1,7 @@
 """Corrections of self-collisions over time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,3 +89,19 @@ def test_what_is_left_out_is_not_pressed_apart(solved):
     suspects = np.tile(no_arms, (FRAMES, 1))
     kept = solve_self_collisions(vertices, parts, gap_m=GAP_M, suspects=suspects)
     assert not kept.depth_m[:, ~suspects[0]].any()
+
+
+def test_what_is_too_deep_in_one_frame_takes_its_place_from_the_frames_around(toy_body, solved):
+    vertices, poses, parts, one_by_one, smooth = solved
+    frame = FRAMES // 2
+    pair = one_by_one.depth_m[frame].argmax()
+    thrown = one_by_one.delta.copy()
+    thrown[one_by_one.frame == frame] *= 20
+    depth_m = one_by_one.depth_m.copy()
+    depth_m[frame] *= 20
+    limit_m = np.full(depth_m.shape[1], 2 * one_by_one.depth_m.max())
+    wrong = replace(one_by_one, delta=thrown, depth_m=depth_m, limit_m=limit_m)
+    assert depth_m[frame, pair] > limit_m[pair]
+    again = smooth_corrections(vertices, poses, toy_body.segmentation, parts, wrong, gap_m=GAP_M)
+    usual = np.abs(moves(vertices, smooth)).max()
+    assert np.abs(moves(vertices, again)).max() < 2 * usual
