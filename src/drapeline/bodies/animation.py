@@ -159,7 +159,7 @@ def first_free_sequence(
             removed=bool(solution.removed),
             collided=bool(collided.any()),
         ),
-        reason=_reason(solution),
+        reason=_reason(solution, removable),
         thinned=freed.thinned,
         redrawn=redrawn,
         removed_segments=removed_segments,
@@ -242,10 +242,13 @@ def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
     return "solved" if collided else "free"
 
 
-def _reason(solution: Solution) -> str:
+def _reason(solution: Solution, removable: str) -> str:
     deep = np.where(solution.unsolved(), solution.depth_m, 0)
     if not deep.any():
         return ""
+    incurable = deep * [not _cure(pair, removable) for pair in PAIRS]
+    if incurable.any():  # what may be left out is not what it was rejected for
+        deep = incurable
     frame, index = np.unravel_index(deep.argmax(), deep.shape)
     pair = PAIRS[index]
     return (
