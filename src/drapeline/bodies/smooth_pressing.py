@@ -1,8 +1,8 @@
 """Corrections of self-collisions that change smoothly over frames.
 
 Frames that are solved one by one get planes that jump: cloth that lies on the body would be shaken.
-So each vertex is moved by a smooth envelope of its corrections, no less than any of them, and what
-then overlaps is solved again. N frames at 30 fps, K vertices that are ever moved.
+So each vertex is moved by a smooth envelope of its corrections, about as far as each of them asks,
+and what then overlaps is solved again. N frames at 30 fps, K vertices that are ever moved.
 """
 
 from dataclasses import replace
@@ -19,10 +19,10 @@ from drapeline.bodies.self_collision import (
     solve_self_collisions,
 )
 
-ROUNDS = 2  # of solving and smoothing, the first solution included
+_ROUNDS = 2  # of solving and smoothing, the first solution included
 _SPREAD_FRAMES = 2.0  # standard deviation in time
 _REACH_FRAMES = 5  # corrections spread over so many frames either way
-_LIFTS = 8  # after so many, what is lacking is a fraction of a millimetre
+_LIFTS = 8  # after so many, hardly anything lacks a millimetre
 _LEAST_M = 2e-5  # shorter corrections are left out
 
 
@@ -46,7 +46,7 @@ def smooth_corrections(
         gap_m: between separated parts.
 
     Returns:
-        The solution with other corrections; depths are still those of single frames.
+        The solution with other corrections; the rest of it is still about single frames.
     """
     if not len(solution.frame):
         return solution
@@ -54,8 +54,8 @@ def smooth_corrections(
     turns = joint_transforms(np.zeros((24, 3)), rotations)[0][..., :3]
     moves = np.zeros_like(vertices)
     found = solution
-    for turn in range(ROUNDS):
-        if turn:
+    for attempt in range(_ROUNDS):
+        if attempt:
             # Only what has collided close by in time; this leaves out what is removed as well.
             found = solve_self_collisions(
                 vertices + moves,
@@ -64,7 +64,7 @@ def smooth_corrections(
                 suspects=binary_dilation(solution.depth_m > 0, np.ones((2 * _REACH_FRAMES + 1, 1))),
             )
         moves[found.frame, found.vertex] += found.delta
-        if not turn:
+        if not attempt:
             _forget_outliers(moves, solution, parts)
         moved = np.flatnonzero(moves.any(axis=(0, 2)))
         own = turns[:, segmentation[moved]]  # (N, K, 3, 3)
