@@ -358,10 +358,10 @@ def solve_self_collisions(
         vertices: (N, V, 3) posed body in metres.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         limit_m: (P,) of `depth_limits`; those of the `PAIRS` if None.
-        cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep,
-            see `Solution.unsolved`. What is too deep and has no such parts ends it: frames that
-            are not solved yet are left as they are, and others may still hold what was left out
-            last. If None, all parts stay and all frames are solved.
+        cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
+            in one. What has no such parts and is too deep, see `Solution.unsolved`, ends it:
+            frames that are not solved yet are left as they are, and others may still hold what
+            was left out last. If None, all parts stay and all frames are solved.
         order: in which to solve the frames, each once.
         suspects: (N, P) bool, those of the `PAIRS` that may collide in each frame; all if None.
     """
@@ -406,19 +406,19 @@ def solve_self_collisions(
         change = moved - vertices[frame]
         touched = np.flatnonzero(change.any(axis=1))
         moves[frame] = touched, change[touched]
-        if cures is None or not (depth[frame] > limit_m).any():
-            continue
-        around = range(max(frame - 1, 0), min(frame + 2, len(vertices)))
-        for other in set(around).intersection(waiting):  # they tell whether it is alone
-            waiting.remove(other)
-            waiting.appendleft(other)
-        known = slice(max(frame - 2, 0), frame + 3)
-        deep = np.flatnonzero(_too_deep(depth[known], limit_m).any(axis=0) & allowed)
-        if not len(deep):
+        deep = np.flatnonzero(depth[frame] > limit_m)
+        if cures is None or not len(deep):
             continue
         found = frozenset().union(*(cures[pair] for pair in deep))
         if not found:
-            break
+            around = range(max(frame - 1, 0), min(frame + 2, len(vertices)))
+            for other in set(around).intersection(waiting):  # they tell whether it is alone
+                waiting.remove(other)
+                waiting.appendleft(other)
+            known = slice(max(frame - 2, 0), frame + 3)
+            if (_too_deep(depth[known], limit_m).any(axis=0) & allowed).any():
+                break
+            continue
         removed |= found
         allowed = np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
         waiting.appendleft(frame)

@@ -257,17 +257,16 @@ def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):
     assert unsolved & {"right_forearm", "right_upper_arm", "right_hand"}
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (4, 3, 2, 1, 0), (2, 0, 4, 1, 3)])
-def test_parts_that_are_too_deep_in_two_frames_are_left_out_of_all(
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0)])
+def test_parts_that_are_too_deep_in_one_frame_are_left_out_of_all(
     toy_body, parts, order, monkeypatch
 ):
-    """Both arms, deep in two frames; elsewhere the same as if they had never touched."""
+    """Both arms, deep in the second frame; elsewhere the same as if they had never touched."""
     limbs = ("hand", "forearm", "upper_arm")
     arms = frozenset(f"{side}_{limb}" for side in ("left", "right") for limb in limbs)
     cures = [arms & {pair.first, pair.second} and arms for pair in PAIRS]
     poses = (
         legs_together(arms_down(1.38)),
-        arms_down(1.75),
         arms_down(1.75),
         arms_down(1.38),
         legs_together(arms_down(0.8)),
@@ -282,10 +281,10 @@ def test_parts_that_are_too_deep_in_two_frames_are_left_out_of_all(
     vertices, solution = solve(toy_body, parts, *poses, cures=cures, order=order)
     assert solution.removed == arms
     assert not solution.unsolved().any()
-    assert set(solution.frame) == {0, 4}
-    found = [set(collisions(solution, frame)) for frame in range(5)]
+    assert set(solution.frame) == {0, 3}
+    found = [set(collisions(solution, frame)) for frame in range(4)]
     thighs = {("left_thigh", "right_thigh")}
-    assert found == [thighs, set(), set(), set(), thighs]
+    assert found == [thighs, set(), set(), thighs]
     pairs = [pair for i, pair in enumerate(PAIRS) if solution.leftover[:, i].any()]
     assert all(arms.isdisjoint((pair.first, pair.second)) for pair in pairs)
     both = (PART_NAMES.index(f"{side}_thigh") for side in ("left", "right"))
@@ -293,8 +292,8 @@ def test_parts_that_are_too_deep_in_two_frames_are_left_out_of_all(
     assert set(solution.vertex) <= set(legs)
     moved = corrected(vertices, solution)
     # Rounding decides about vertices at the edge of a collision, and those hardly move.
-    np.testing.assert_allclose(moved[0, legs], moved[4, legs], atol=0.002)
-    assert sum(np.array_equal(start, vertices[4]) for start in solved) == 1
+    np.testing.assert_allclose(moved[0, legs], moved[3, legs], atol=0.002)
+    assert sum(np.array_equal(start, vertices[3]) for start in solved) == 1
 
 
 def test_a_collision_that_nothing_cures_ends_it(toy_body, parts):
@@ -307,7 +306,7 @@ def test_a_collision_that_nothing_cures_ends_it(toy_body, parts):
     assert collisions(solution, 3) == {}
 
 
-def test_one_frame_alone_is_never_too_deep(toy_body, parts):
+def test_one_frame_alone_is_not_too_deep_where_nothing_can_be_left_out(toy_body, parts):
     nothing = [frozenset()] * len(PAIRS)
     for deep in range(4):
         poses = [arms_down(1.38)] * 4
