@@ -9,6 +9,7 @@ import numpy as np
 from drapeline.bodies.contact import floor_contact
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.motion_fit import fit_motion, lift_supports
+from drapeline.bodies.overlap import measure_overlap
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
@@ -17,9 +18,11 @@ from drapeline.bodies.self_collision import (
     Pair,
     Solution,
     body_parts,
+    depth_limits,
     solve_self_collisions,
 )
-from drapeline.bodies.sequence import BodySequence, ClipLabels
+from drapeline.bodies.sequence import BodySequence, ClipLabels, press_apart
+from drapeline.bodies.smooth_pressing import smooth_corrections
 from drapeline.frames import JOINT_NAMES
 
 # The floor is at this percentile of the frames' lowest points: a single stray frame must not lift
@@ -129,11 +132,20 @@ def first_free_sequence(
     else:
         freed = _solve(body, parts, shape, poses, None, gap_m)  # all frames, for the record
     solution = freed.solution
+    if freed.free:
+        solution = smooth_corrections(
+            freed.vertices, poses, body.segmentation, parts, solution, gap_m=gap_m
+        )
     if not fitted:
         scale = _path_scale(body, freed.shape, reference_leg_length_m)
         path = place_on_floor(freed.vertices, trans, scale)
     elif freed.thinned:
         path = lift_supports(freed.vertices, path, supports.flight)
+    removed_segments = _joints_of(solution.removed)
+    pressed = freed.vertices.copy()
+    press_apart(pressed, np.arange(len(pressed)), solution.frame, solution.vertex, solution.delta)
+    collides = ~np.isin(body.segmentation, removed_segments)
+    overlap = measure_overlap(body, pressed, collides)
     contact = floor_contact(freed.vertices, path, body.segmentation)
     collided = (solution.depth_m > 0).any(axis=1)
     return BodySequence(
@@ -147,16 +159,17 @@ def first_free_sequence(
             removed=bool(solution.removed),
             collided=bool(collided.any()),
         ),
-        reason=_reason(solution),
+        reason=_reason(solution, removable),
         thinned=freed.thinned,
         redrawn=redrawn,
-        removed_segments=_joints_of(solution.removed),
+        removed_segments=removed_segments,
         fix_frame=solution.frame,
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
         collided_frames=int(collided.sum()),
-        leftover_frames=int(solution.leftover.any(axis=1).sum()),
-        deepest_m=float(solution.depth_m.max(initial=0)),
+        deepest_m=float(np.linalg.norm(solution.delta, axis=1).max(initial=0)),
+        overlap_share=overlap.share,
+        overlap_depth_m=overlap.depth_m,
         penetration_m=contact.penetration_m,
         sliding_m_s=contact.sliding_m_s,
         hover_s=contact.hover_s,
@@ -229,15 +242,19 @@ def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
     return "solved" if collided else "free"
 
 
-def _reason(solution: Solution) -> str:
+def _reason(solution: Solution, removable: str) -> str:
     deep = np.where(solution.unsolved(), solution.depth_m, 0)
     if not deep.any():
         return ""
+    incurable = deep * [not _cure(pair, removable) for pair in PAIRS]
+    if incurable.any():  # what may be left out is not what it was rejected for
+        deep = incurable
     frame, index = np.unravel_index(deep.argmax(), deep.shape)
     pair = PAIRS[index]
     return (
         f"{pair.first} and {pair.second} overlap by {1000 * deep.max():.0f} mm in frame {frame},"
-        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart, and no thinner body helps"
+        f" at most {1000 * solution.limit_m[index]:.0f} mm can be pressed apart,"
+        " and no thinner body helps"
     ).replace("_", " ")
 
 
@@ -256,7 +273,14 @@ def _solve(
     """
     vertices, _ = posed_vertices(body, shape, poses)
     cures = None if removable is None else [_cure(pair, removable) for pair in PAIRS]
-    solution = solve_self_collisions(vertices, parts, gap_m=gap_m, cures=cures, order=order)
+    solution = solve_self_collisions(
+        vertices,
+        parts,
+        gap_m=gap_m,
+        limit_m=depth_limits(parts, shape_body(body, shape)[0]),
+        cures=cures,
+        order=order,
+    )
     return _Freed(shape, vertices, solution)
 
 

@@ -37,7 +37,7 @@ from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.frames import FPS, JOINT_NAMES, PARENTS
 from drapeline.geometry.mesh import vertex_normals
 
-_LOOSENESS = (16, 8, 4, 2, 1, 1, 1, 1, 1, 1)  # of the conditions, step by step
+_LOOSENESS = (16, 8, 4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # of the conditions, step by step
 _CELL_M = 0.012  # of the surface, one point each
 _REACH_M = 0.15  # points that are never so near to the lowest one are left out
 _SUNK_M = 0.001  # how far the patch that bears weight is pressed into the floor
@@ -45,11 +45,13 @@ _CLEAR_M = 0.016  # height of what passes over the floor,
 _CLEAR_STEP_M = 0.012  # but only so much for every frame that it is away from its contact
 _TUCKED = 0.7  # of the way that the body flies, its lowest point does at least
 _LIMB_CELL_M = 0.03
-_ROOT_SHARE = 0.4  # of upper arms and thighs, which may lie against the trunk
+_ROOT_SHARE = 0.4  # of upper arms, thighs and shins, which may lie against what they are joined to
 _LIMB_DEPTH_M = 0.01  # limbs may be so deep in the rest of the body, which yields
 _ALIGNED = 0.8  # cosine of the angle between normal and way out
 _LIMB_STEP_M = 0.05  # and are not moved further in one step
-_LOOK_STEPS = 5  # after so many steps it is seen anew which points are close
+_LOOK_STEPS = 5  # after so many steps it is seen anew which points are closest in all frames,
+_CLOSE_M = 0.02  # and after each step in those where some are so close,
+_ASIDE_M = 0.06  # but not for points that were so far from all others
 # Standard deviations of the least squares.
 _HEIGHT_M = 0.001
 _PULL_M = 0.004  # of supports that are higher than another
@@ -112,8 +114,11 @@ _APART = [
     (["left_hip", "right_hip"], _TRUNK[1:4]),
     (["left_hip", "left_knee"], ("right_hip", "right_knee")),
     (["right_hip", "right_knee"], ("left_hip", "left_knee")),
+    (["left_knee", "left_ankle"], ("left_hip",)),
+    (["right_knee", "right_ankle"], ("right_hip",)),
 ]
-_ROOTS = {"shoulder": ("shoulder", "elbow"), "hip": ("hip", "knee")}  # joined to the trunk; far end
+# Joined to the others; far end.
+_ROOTS = {"shoulder": ("shoulder", "elbow"), "hip": ("hip", "knee"), "knee": ("knee", "ankle")}
 
 
 def _above() -> np.ndarray:
@@ -261,38 +266,55 @@ class _Limbs:
         wanted = [JOINT_NAMES.index(name) for name in others]
         self._others = np.flatnonzero(np.isin(skin.segments, wanted))
         self._near = np.zeros((0, 0), dtype=np.int64)  # (N, K) closest of the others
+        self._distance = np.zeros((0, 0))  # (N, K) metres
+        self._close = np.zeros(0, dtype=bool)  # (N,) some are about to meet, or have met
 
-    def look(self, shell: _Shell) -> None:
-        """See which points are closest to one another."""
-        found = [
-            KDTree(points[self._others]).query(points[self._limbs])[1] for points in shell.points
-        ]
-        self._near = self._others[np.stack(found)]
+    def look(self, shell: _Shell, everywhere: bool) -> None:
+        """See which points are closest to one another, in all frames or where some are close."""
+        if everywhere:
+            self._close = np.ones(len(shell.points), dtype=bool)
+            self._distance = np.zeros((len(shell.points), len(self._limbs)))
+            self._near = np.zeros(self._distance.shape, dtype=np.int64)
+        for frame in np.flatnonzero(self._close):
+            points = shell.points[frame]
+            asked = np.flatnonzero(self._distance[frame] < _ASIDE_M)
+            tree = KDTree(points[self._others], balanced_tree=False, compact_nodes=False)
+            self._near[frame, asked] = self._others[tree.query(points[self._limbs[asked]])[1]]
 
     def add_to(self, system: "_Banded", pose: _Pose, shell: _Shell, loose: float) -> None:
         """Add how deep each part of the limbs is in the others, where it is deepest."""
-        rows = np.arange(len(shell.points))[:, None]
-        outward = shell.normals[rows, self._near]  # (N, K, 3)
-        offset = shell.points[rows, self._near] - shell.points[:, self._limbs]
+        frames = np.flatnonzero(self._close)
+        rows, near = frames[:, None], self._near[frames]
+        outward = shell.normals[rows, near]  # (N', K, 3)
+        offset = shell.points[rows, near] - shell.points[rows, self._limbs]
         depth = np.einsum("nka,nka->nk", offset, outward)
+        distance = np.linalg.norm(offset, axis=2)
         # What is beside the rim of the others is not in them.
-        depth[depth < _ALIGNED * np.linalg.norm(offset, axis=2)] = 0
+        depth[depth < _ALIGNED * distance] = 0
+        self._distance[frames] = distance
+        self._close[frames] = ((distance < _CLOSE_M) | (depth > 0)).any(axis=1)
         ends = np.cumsum([0, *(len(ids) for ids in self._groups)])
         parts = [slice(*ends) for ends in pairwise(ends)]
         excess = np.stack([depth[:, part].max(axis=1) for part in parts], axis=1) - _LIMB_DEPTH_M
-        if not (excess > 0).any():
+        deep = np.flatnonzero((excess > 0).any(axis=1))
+        if not len(deep):
             return
+        frames, near, outward, depth, excess = (
+            values[deep] for values in (frames, near, outward, depth, excess)
+        )
         moments = np.zeros((2, *excess.shape, SEGMENTS, 4))
         directions = np.zeros((*excess.shape, 3))
+        rest = shell.rest if len(shell.rest) == 1 else shell.rest[frames]
         for group, (ids, part) in enumerate(zip(self._groups, parts, strict=True)):
             share = patch_weights(-depth[:, part])
-            moments[0, :, group] = shell.skin.moments(shell.rest, ids, share)
-            moments[1, :, group] = shell.skin.spread_moments(shell.rest, self._near[:, part], share)
+            moments[0, :, group] = shell.skin.moments(rest, ids, share)
+            moments[1, :, group] = shell.skin.spread_moments(rest, near[:, part], share)
             directions[:, group] = np.einsum("nk,nka->na", share, outward[:, part])
-        slopes = [_rows(pose, part, (0, 1, 2))[1] for part in moments]
+        there = _Pose(*(values[frames] for values in pose))
+        slopes = [_rows(there, part, (0, 1, 2))[1] for part in moments]
         slope = np.einsum("npau,npa->npu", slopes[1] - slopes[0], directions)
         weight = np.where(excess > 0, 1 / (loose * _LIMB_M) ** 2, 0)
-        system.add([slope], np.clip(excess, 0, _LIMB_STEP_M), weight)
+        system.add([slope], np.clip(excess, 0, _LIMB_STEP_M), weight, frames)
 
 
 class _Banded:
@@ -303,16 +325,23 @@ class _Banded:
         self.blocks = [np.zeros((max(count - lag, 0), _UNKNOWNS, _UNKNOWNS)) for lag in range(3)]
         self.right = np.zeros((count, _UNKNOWNS))
 
-    def add(self, slopes: list[np.ndarray], residual: np.ndarray, weight: np.ndarray) -> None:
-        """Add squares of residuals (M, R) of M successive frames and those that follow.
+    def add(
+        self,
+        slopes: list[np.ndarray],
+        residual: np.ndarray,
+        weight: np.ndarray,
+        frames: np.ndarray | None = None,
+    ) -> None:
+        """Add squares of residuals (M, R) of M frames and those that follow each.
 
         Args:
             slopes: (M, R, U) by the unknowns of the frame, the next and so on.
             weight: (M, R) of the squares.
+            frames: (M,) their numbers, each once; the first M if None.
         """
         weighted = [slope * weight[..., None] for slope in slopes]
         for first in range(len(slopes)):
-            rows = slice(first, first + len(residual))
+            rows = slice(first, first + len(residual)) if frames is None else first + frames
             self.right[rows] += np.einsum("mru,mr->mu", weighted[first], residual)
             for second in range(first, len(slopes)):
                 block = np.swapaxes(slopes[second], 1, 2) @ weighted[first]  # (M, later, earlier)
@@ -341,8 +370,10 @@ class _Banded:
         for lag, block in enumerate(self.blocks):
             offset = lag * size + later - earlier
             valid = offset >= 0
-            for frame, one in enumerate(block):
-                bands[offset[valid], frame * size + earlier[valid]] = one[valid]
+            columns = bands.reshape(3 * size, self.count, size)
+            columns[offset[valid], : len(block), earlier[valid]] = block[
+                :, later[valid], earlier[valid]
+            ].T
         bands[0] += np.tile(_DAMPING, self.count)
         solved = solveh_banded(bands, -self.right.ravel(), lower=True, overwrite_ab=True)
         return solved.reshape(self.count, size)
@@ -436,8 +467,7 @@ class _Fit:
         rest, turns = self._shell.at_rest(rotations), self._shell.turns(pose)
         shell = _Shell(self._shell, rest, _move(turns, rest), _rotate(turns, self._normals))
         for limbs in self._limbs:
-            if self._taken % _LOOK_STEPS == 0:
-                limbs.look(shell)
+            limbs.look(shell, everywhere=self._taken % _LOOK_STEPS == 0)
             limbs.add_to(system, pose, shell, loose)
         self._taken += 1
         lack, slopes = self._add_floor(system, pose, places, points, loose)

@@ -46,6 +46,9 @@ PART_NAMES = tuple(PART_JOINTS)
 FOLD_LIMIT_M = 0.06
 # ... while for all other parts a deeper overlap means two solids in one place.
 TOUCH_LIMIT_M = 0.03
+# Flesh that is thick yields more: this share of how far the surfaces of both parts are from their
+# axes on average. It is the fold limit for a thigh and a torso of a body mass index of 23.
+FLESH_SHARE = 0.32
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Pair:
 
     first: str
     second: str
-    limit_m: float
+    limit_m: float  # for any body, however thin
 
 
 def _pairs() -> tuple[Pair, ...]:
@@ -298,17 +301,45 @@ class Solution:
     # (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to move in each
     # frame; 0 where the parts do not collide.
     depth_m: np.ndarray
+    limit_m: np.ndarray  # (P,) of these depths
     leftover: np.ndarray  # (N, P) bool, parts that still cross after the last pass
     removed: frozenset[str]  # names of the parts that were left out
 
     def unsolved(self) -> np.ndarray:
-        """(N, P) bool: deeper than the pair's limit."""
-        return self.depth_m > _limits()
+        """(N, P) bool: deeper than the pair's limit, in two frames in a row if there are more."""
+        return _too_deep(self.depth_m, self.limit_m)
 
 
-def _limits() -> np.ndarray:
-    """(P,) float32 depth in metres that each of the `PAIRS` may have."""
-    return np.array([pair.limit_m for pair in PAIRS], dtype=np.float32)
+def _too_deep(depth_m: np.ndarray, limit_m: np.ndarray) -> np.ndarray:
+    """(N, P) bool: depths (N, P) above their limits (P,), but for single frames.
+
+    Nothing goes so deep and comes back in a frame: there, a plane was laid the wrong way.
+    """
+    deep = depth_m > limit_m
+    if len(deep) > 2:
+        padded = np.pad(deep, ((1, 1), (0, 0)))
+        deep &= padded[:-2] | padded[2:]
+    return deep
+
+
+def depth_limits(parts: BodyParts, rest: np.ndarray) -> np.ndarray:
+    """(P,) float32 depth in metres that each of the `PAIRS` may have in a body.
+
+    Args:
+        rest: (V, 3) the shaped body at rest, metres.
+    """
+    thickness = {}
+    for name, ids in zip(PART_NAMES, parts.part_vertices, strict=True):
+        places = rest[ids] - rest[ids].mean(axis=0) if len(ids) else np.zeros((1, 3))
+        axis = np.linalg.eigh(places.T @ places)[1][:, 2]
+        thickness[name] = np.linalg.norm(np.cross(places, axis), axis=1).mean()
+    return np.array(
+        [
+            max(pair.limit_m, FLESH_SHARE * (thickness[pair.first] + thickness[pair.second]))
+            for pair in PAIRS
+        ],
+        dtype=np.float32,
+    )
 
 
 def solve_self_collisions(
@@ -316,19 +347,23 @@ def solve_self_collisions(
     parts: BodyParts,
     *,
     gap_m: float,
+    limit_m: np.ndarray | None = None,
     cures: Sequence[frozenset[str]] | None = None,
     order: Iterable[int] | None = None,
+    suspects: np.ndarray | None = None,
 ) -> Solution:
     """Separate colliding parts in every frame.
 
     Args:
         vertices: (N, V, 3) posed body in metres.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
+        limit_m: (P,) of `depth_limits`; those of the `PAIRS` if None.
         cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
-            in one. A frame that is too deep and has no such parts ends it: frames after it are left
-            as they are, and some before it may still hold what was left out last. If None, all
-            parts stay and all frames are solved.
+            in one. What has no such parts and is too deep, see `Solution.unsolved`, ends it:
+            frames that are not solved yet are left as they are, and others may still hold what
+            was left out last. If None, all parts stay and all frames are solved.
         order: in which to solve the frames, each once.
+        suspects: (N, P) bool, those of the `PAIRS` that may collide in each frame; all if None.
     """
     pair_parts = np.array(
         [[PART_NAMES.index(pair.first), PART_NAMES.index(pair.second)] for pair in PAIRS]
@@ -346,9 +381,12 @@ def solve_self_collisions(
     low = np.maximum(boxes[0][:, pair_parts[:, 0]], boxes[0][:, pair_parts[:, 1]])
     high = np.minimum(boxes[1][:, pair_parts[:, 0]], boxes[1][:, pair_parts[:, 1]])
     meets = (low < high).all(axis=-1)  # (N, P)
+    if suspects is not None:
+        meets &= suspects
     depth = np.zeros(meets.shape, dtype=np.float32)
     leftover = np.zeros(meets.shape, dtype=bool)
-    limits = _limits()
+    if limit_m is None:
+        limit_m = np.array([pair.limit_m for pair in PAIRS], dtype=np.float32)
     find_inside = InsideParts(parts)
     moves: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     removed: frozenset[str] = frozenset()
@@ -368,12 +406,19 @@ def solve_self_collisions(
         change = moved - vertices[frame]
         touched = np.flatnonzero(change.any(axis=1))
         moves[frame] = touched, change[touched]
-        deep = np.flatnonzero(depth[frame] > limits)
+        deep = np.flatnonzero(depth[frame] > limit_m)
         if cures is None or not len(deep):
             continue
         found = frozenset().union(*(cures[pair] for pair in deep))
         if not found:
-            break
+            around = range(max(frame - 1, 0), min(frame + 2, len(vertices)))
+            for other in set(around).intersection(waiting):  # they tell whether it is alone
+                waiting.remove(other)
+                waiting.appendleft(other)
+            known = slice(max(frame - 2, 0), frame + 3)
+            if (_too_deep(depth[known], limit_m).any(axis=0) & allowed).any():
+                break
+            continue
         removed |= found
         allowed = np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
         waiting.appendleft(frame)
@@ -389,6 +434,7 @@ def solve_self_collisions(
             np.float32
         ),
         depth,
+        limit_m,
         leftover,
         removed,
     )
@@ -604,15 +650,18 @@ def _separate(vertices: np.ndarray, parts: BodyParts, contact: _Contact, gap_m: 
         centre = points.mean(axis=0)
         normal = np.linalg.svd(points - centre, full_matrices=False)[2][2]
         radius = np.linalg.norm(points - centre, axis=1).max() + 0.01
-        members = [_free_near(vertices, contact, side, centre, 2 * radius) for side in (0, 1)]
-        heights = [(vertices[ids] - centre) @ normal for ids in members]
-        if heights[0].mean() < heights[1].mean():
+        heights = [
+            (vertices[_within_reach(vertices, ids, centre, radius)] - centre) @ normal
+            for ids in contact.inside
+        ]
+        # What is inside the other part is beyond the plane.
+        if heights[0].sum() > heights[1].sum():
             normal = -normal
         for side, sign in ((0, 1.0), (1, -1.0)):
             # Two rings more: what does not cross yet may be closer than the gap.
             reached = parts.around(parts.around(contact.inside[side]))
             ids = np.intersect1d(contact.near[side], reached, assume_unique=True)
-            ids = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
+            ids = _within_reach(vertices, ids, centre, radius)
             height = sign * ((vertices[ids] - centre) @ normal)
             lacking = np.maximum(gap_m / 2 - height, 0)
             vertices[ids] += (sign * lacking)[:, None] * normal
@@ -633,10 +682,8 @@ def _clusters(points: np.ndarray) -> list[np.ndarray]:
     return [group for group in groups if len(group) >= 3]
 
 
-def _free_near(
-    vertices: np.ndarray, contact: _Contact, side: int, centre: np.ndarray, radius: float
+def _within_reach(
+    vertices: np.ndarray, ids: np.ndarray, centre: np.ndarray, radius: float
 ) -> np.ndarray:
-    """Vertices of a part around a contact that are not inside the other part."""
-    ids = np.setdiff1d(contact.near[side], contact.inside[side])
-    close = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
-    return close if len(close) else contact.near[side]
+    """Those of some vertices that are less than a radius away from a point."""
+    return ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]

@@ -44,9 +44,10 @@ class BodySequence:
     fix_frame: Annotated[np.ndarray, "int<n m"]  # frames in which vertices are moved
     fix_vertex: Annotated[np.ndarray, "int m"]  # these vertices
     fix_delta: Annotated[np.ndarray, "float m 3"]  # float32 metres, world axes
-    collided_frames: int  # frames in which parts were pressed apart
-    leftover_frames: int  # frames in which parts still cross somewhere after that
+    collided_frames: int  # frames in which parts overlapped before they were pressed apart
     deepest_m: float  # greatest distance that a vertex was moved, metres
+    overlap_share: float  # this and the next: what is left, see `overlap.Overlap`
+    overlap_depth_m: float
     penetration_m: float  # this and the next three: see `contact.FloorContact`
     sliding_m_s: float
     hover_s: float

@@ -120,6 +120,8 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
         "contact_sliding_m_s": meta["motion"]["contact_sliding_m_s"],
         "longest_hover_s": meta["motion"]["longest_hover_s"],
         "possible_flight_s": meta["motion"]["possible_flight_s"],
+        "body_overlap_share": meta["self_collision"]["overlap_share"],
+        "body_overlap_depth_m": meta["self_collision"]["overlap_depth_m"],
         "megabytes": record.cloth3d_bytes / 1e6,
         "megabytes_with_extras": record.total_bytes / 1e6,
     }

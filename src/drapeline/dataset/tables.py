@@ -41,6 +41,8 @@ SAMPLES = Schema(
         "contact_sliding_m_s": Column(float, text=".4f"),
         "longest_hover_s": Column(float, text=".3f"),
         "possible_flight_s": Column(float, text=".3f"),
+        "body_overlap_share": Column(float, text=".5f"),
+        "body_overlap_depth_m": Column(float, text=".4f"),
         "megabytes": Column(float, text=".2f"),
         "megabytes_with_extras": Column(float, text=".2f"),
     },

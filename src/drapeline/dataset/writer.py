@@ -185,8 +185,9 @@ def _self_collision(record: BodySequence) -> dict[str, Any]:
         "redrawn": record.redrawn,
         "removed_segments": [JOINT_NAMES[int(segment)] for segment in record.removed_segments],
         "collided_frames": record.collided_frames,
-        "leftover_frames": record.leftover_frames,
         "deepest_m": record.deepest_m,
+        "overlap_share": record.overlap_share,
+        "overlap_depth_m": record.overlap_depth_m,
     }
 
 

@@ -119,3 +119,17 @@ def test_arms_keep_clear_of_the_trunk(toy_body):
         depths.append(turn.max())
     assert depths[0] > 0.1
     assert depths[1] < 0.01
+
+
+def test_knees_are_bent_no_further_than_calves_on_thighs_allow(toy_body):
+    poses, path = standing(toy_body, 6)
+    turned = []
+    for angle in (2.85, 1.2):
+        knees = poses.copy()
+        for side in ("left", "right"):
+            knees[:, 3 * JOINT_NAMES.index(f"{side}_hip")] = -angle / 2
+            knees[:, 3 * JOINT_NAMES.index(f"{side}_knee")] = angle
+        held, _, _ = fit_motion(toy_body, SHAPE, knees, path)
+        turned.append((knees - held)[:, 3 * JOINT_NAMES.index("left_knee")])
+    assert turned[0].min() > 0.2
+    assert turned[1].max() < 0.12  # what the feet on the floor ask for

@@ -1,25 +1,24 @@
 """Pressing colliding body parts apart."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from trimesh.creation import icosphere
 
 from drapeline.bodies import self_collision
-from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.model import posed_vertices, shape_body
 from drapeline.bodies.self_collision import (
     PAIRS,
     PART_JOINTS,
     PART_NAMES,
     InsideParts,
     body_parts,
+    depth_limits,
     part_of_joint,
     segment_triangle_crossings,
     solve_self_collisions,
 )
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import vertex_normals
+from toys.colliding_balls import two_balls
 
 
 @pytest.fixture(scope="module")
@@ -233,17 +232,22 @@ def test_separated_parts_lie_a_gap_apart():
     assert solution.depth_m.max() == pytest.approx(0.005 + GAP_M / 2, abs=1e-3)
 
 
-def two_balls(radius_m, apart_m):
-    """Vertices and parts of a left thigh at the origin and a right one along x."""
-    ball = icosphere(subdivisions=4, radius=radius_m)
-    count = len(ball.vertices)
-    hips = [JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")]
-    body = SimpleNamespace(
-        v_template=np.concatenate([ball.vertices, ball.vertices + np.array([apart_m, 0, 0])]),
-        faces=np.concatenate([ball.faces, ball.faces + count]).astype(np.int32),
-        segmentation=np.repeat(hips, count),
+def test_thick_flesh_yields_more(toy_body, parts):
+    fixed = np.array([pair.limit_m for pair in PAIRS])
+    thin, thick = (
+        depth_limits(parts, shape_body(toy_body, np.eye(10)[1] * corpulence)[0])
+        for corpulence in (-3, 3)
     )
-    return body.v_template, body_parts(body)
+    assert (thin >= fixed - 1e-6).all()
+    assert (thick >= thin).all()
+    assert thick.max() > fixed.max() + 0.005
+
+
+def test_depths_are_judged_by_the_limits_given(toy_body, parts):
+    strict = np.full(len(PAIRS), 1e-4)
+    _, solution = solve(toy_body, parts, arms_down(1.38), limit_m=strict)
+    np.testing.assert_array_equal(solution.unsolved(), solution.depth_m > 1e-4)
+    assert solution.unsolved().any()
 
 
 def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):
@@ -294,12 +298,23 @@ def test_parts_that_are_too_deep_in_one_frame_are_left_out_of_all(
 
 def test_a_collision_that_nothing_cures_ends_it(toy_body, parts):
     nothing = [frozenset()] * len(PAIRS)
-    poses = arms_down(1.38), arms_down(1.75), arms_down(1.38)
+    poses = arms_down(1.38), arms_down(1.75), arms_down(1.75), arms_down(1.38)
     _, solution = solve(toy_body, parts, *poses, cures=nothing)
     assert solution.unsolved()[1].any()
     assert solution.removed == frozenset()
     assert collisions(solution, 0)
-    assert collisions(solution, 2) == {}
+    assert collisions(solution, 3) == {}
+
+
+def test_one_frame_alone_is_not_too_deep_where_nothing_can_be_left_out(toy_body, parts):
+    nothing = [frozenset()] * len(PAIRS)
+    for deep in range(4):
+        poses = [arms_down(1.38)] * 4
+        poses[deep] = arms_down(1.75)
+        _, solution = solve(toy_body, parts, *poses, cures=nothing)
+        assert (solution.depth_m[deep] > solution.limit_m).any()
+        assert not solution.unsolved().any()
+        assert all(collisions(solution, frame) for frame in range(4))
 
 
 def test_solution_moves_with_the_body(toy_body, parts):
