@@ -72,6 +72,7 @@ rule plot_health:
             )
             for name, shown in {
                 "penetration": "vertices inside the body",
+                "outside_folds": "vertices inside the body, outside its folds",
                 "depth": "depth inside the body",
                 "stretch": "edge stretch",
                 "gap": "gap to the body",

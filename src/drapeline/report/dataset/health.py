@@ -75,7 +75,7 @@ MEASURES = {
         _over_frames("inside_share"), 100.0,
         bounds=(None, 0.5),
     ),
-    "unfolded": HealthMeasure(
+    "outside_folds": HealthMeasure(
         "Garment vertices inside the body, outside its folds", "Outside folds", "%",
         _over_frames("inside_open_share"), 100.0,
         bounds=(None, 0.2),
