@@ -89,8 +89,9 @@ class HealthMonitor:
             first = ends[g] - len(cloth)
             own = slice(first, ends[g])
             values = contact_measures(distance[own], inside[own])
-            count = ((unfolded >= first) & (unfolded < ends[g])).sum()
-            values["inside_open_share"] = float(count / len(cloth))
+            here = unfolded[(unfolded >= first) & (unfolded < ends[g])]
+            values["inside_open_share"] = len(here) / len(cloth)
+            values["depth_open_m"] = float(distance[here].max(initial=0))
             values |= stretch(cloth, *self._edges[g])
             chosen, carrier = self._carried[g]
             way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
@@ -192,7 +193,7 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
         "inside_share_mean": float(mean["inside_share"].max()),
         "inside_open_mean": float(mean["inside_open_share"].max()),
         "inside_open_max": float(arrays["inside_open_share"].max()),
-        "depth_m": float(np.percentile(arrays["depth_max_m"], 95, axis=0).max()),
+        "depth_m": float(np.percentile(arrays["depth_open_m"], 95, axis=0).max()),
         "stretch_low": float(mean["stretch_p01"].min()),
         "stretch_high": float(mean["stretch_p99"].max()),
         "slip_m": float(arrays["slip_m"].max()),
@@ -220,12 +221,12 @@ def inevitable_violations(
     missing = ((0, frames - len(arrays["slip_m"])), (0, 0))
     best = {
         name: np.pad(arrays[name], missing)
-        for name in ("inside_open_share", "depth_max_m", "slip_m", "layer_share")
+        for name in ("inside_open_share", "depth_open_m", "slip_m", "layer_share")
     }
     measures = {
         "inside_open_mean": float(best["inside_open_share"].mean(axis=0).max()),
         "inside_open_max": float(best["inside_open_share"].max()),
-        "depth_m": float(np.percentile(best["depth_max_m"], 95, axis=0).max()),
+        "depth_m": float(np.percentile(best["depth_open_m"], 95, axis=0).max()),
         "slip_m": float(best["slip_m"].max()),
         "layer_share_mean": float(best["layer_share"].mean(axis=0).max()),
     }

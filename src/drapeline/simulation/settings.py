@@ -82,7 +82,10 @@ class HealthBounds(Settings):
         0.03,
         ge=0,
         le=1,
-        description="Deepest vertex inside the body, 95th percentile over frames, in metres.",
+        description=(
+            "Deepest vertex inside the body, 95th percentile over frames, in metres; those in its "
+            "folds do not count."
+        ),
     )
     stretch_low: float = Field(
         0.75,

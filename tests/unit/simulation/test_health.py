@@ -117,6 +117,7 @@ def test_a_sample_is_as_good_as_its_worst_garment():
         "inside_share",
         "inside_open_share",
         "depth_max_m",
+        "depth_open_m",
         "stretch_p01",
         "stretch_p99",
         "slip_m",
@@ -158,7 +159,7 @@ def test_a_value_that_is_not_a_number_is_violations(ball):
 def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
     frames = 20
     rng = rng_for(5, "health")
-    names = ("inside_open_share", "depth_max_m", "slip_m", "layer_share")
+    names = ("inside_open_share", "depth_open_m", "slip_m", "layer_share")
     values = {name: rng.random((frames, 2)).astype(np.float32) for name in names}
     bounds = HealthBounds(
         inside_open_mean=0.3, inside_open_max=1, depth_m=0.5, slip_m=2, layer_share_mean=1
@@ -181,3 +182,19 @@ def test_how_fast_cloth_settles_is_told_of_the_first_frame(ball):
     monitor.add([1.02 * vertices], vertices, [1.02 * vertices + [0, 0, 0.001]])
     monitor.add([1.5 * vertices], vertices)
     assert monitor.arrays()["settling_m_s"][:, 0] == pytest.approx([0.03, np.nan], nan_ok=True)
+
+
+def test_what_is_inside_in_folds_of_the_body_counts_apart(ball):
+    """Of two balls that overlap, and one apart, cloth sinks into each by 3 cm."""
+    vertices, faces = ball
+    body = np.concatenate([vertices, vertices + [1.9, 0, 0], vertices + [9, 0, 0]])
+    body_faces = np.concatenate([faces + k * len(vertices) for k in range(3)])
+    cloth = 0.97 * vertices
+    rest = np.full(len(edges(faces)), 0.1)
+    monitor = HealthMonitor([HealthGarment(n, faces, rest) for n in ("Top", "Skirt")], body_faces)
+    row = monitor.add([cloth, cloth + [9, 0, 0]], body)
+    folded, apart = row["inside_open_share"]
+    assert row["inside_share"] == [1, 1]
+    assert apart == 1
+    assert 0.7 < folded < 0.99
+    assert row["depth_open_m"] == pytest.approx([0.03, 0.03], abs=2e-3)
