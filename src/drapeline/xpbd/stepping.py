@@ -244,6 +244,7 @@ class XpbdSettings:
     release_m_s: float = 0.567
     # How fast cloth may slip past the body and still be held, however light the contact is.
     stick_m_s: float = 0.0378
+    untangle_rounds: int = 20  # of moving what passes through cloth at the end of a frame
     untangle_m_s: float = 0.945  # how fast cloth that passes through cloth is moved, at most
     pin_pull: float = 0.3  # share of the way to where it is held that a pin goes in a small step
 
@@ -515,6 +516,12 @@ class MovingCloth:
             BusyLaunch(part_triangles, near.near.count, [near.meetings, triangles], apart),
         ]
         covered, crossed = self._covered, self._crossed
+        self._untangle = BusyLaunch(
+            untangle,
+            crossed.count,
+            [crossed.count, crossed.crossed, near_edges.edges, opposite, triangles, mass],
+            [settings.untangle_m_s * self._step_s, *state],
+        )
         return [
             BusyLaunch(
                 push_off_body_vertices,
@@ -540,15 +547,7 @@ class MovingCloth:
                 [near_edges.meetings, near_edges.edges, mass],
                 [release_m, *state],
             ),
-            BusyLaunch(
-                untangle,
-                crossed.count,
-                [
-                    *(crossed.count, crossed.crossed, near_edges.edges),
-                    *(opposite, triangles, mass),
-                ],
-                [settings.untangle_m_s * self._step_s, *state],
-            ),
+            self._untangle,
         ]
 
     def _pins(self, frame: int) -> np.ndarray:
@@ -578,9 +577,17 @@ class MovingCloth:
                 self._step(self._body_every, self._settings.careful_steps)
                 self._keep_apart.most = self._settings.part_sweeps
             vertices, crossing = self._look()
-        self._crossing = crossing
         with wp.ScopedDevice(self._device):
             self._crossed.take(crossing)
+            for _ in range(self._settings.untangle_rounds * (len(crossing) > 0)):
+                self._untangle.find()
+                for part in self._launches([self._untangle]):
+                    part()
+                vertices, crossing = self._look()
+                self._crossed.take(crossing)
+                if not len(crossing):
+                    break
+        self._crossing = crossing
         return vertices
 
     def _look(self) -> tuple[list[np.ndarray], np.ndarray]:
