@@ -17,8 +17,10 @@ from drapeline.motions.skeleton import Take, globals_from_locals
 
 REST_JUMP_DEG = 20.0
 _NTSC = 1000 / 1001
-_USUAL_FPS = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360)
-_USUAL_FPS += (480, 500, 1000, 24 * _NTSC, 30 * _NTSC, 60 * _NTSC, 120 * _NTSC)
+_USUAL_FPS = (
+    *(24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480),
+    *(500, 1000, 24 * _NTSC, 30 * _NTSC, 60 * _NTSC, 120 * _NTSC),
+)
 
 
 @dataclass

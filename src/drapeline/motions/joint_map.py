@@ -10,7 +10,9 @@ import yaml
 
 from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import JOINT_NAMES
+from drapeline.motions.joint_names import name_joints
 from drapeline.motions.skeleton import Take
+from drapeline.rule_log import LOGGER
 from drapeline.storage import read_text
 
 BUILT_IN = Path(__file__).parent / "joint_maps"
@@ -121,7 +123,8 @@ def _twists(path: Path, content: object) -> dict[str, float]:
 def built_in_map(take: Take) -> JointMap:
     """The shipped map whose joints the take has; the one that drives most joints if several fit.
 
-    A prefix that all of a file's joints share, such as ``mixamorig:``, is ignored.
+    A prefix that all of a file's joints share, such as ``mixamorig:``, is ignored. Where no map
+    fits, joints are found by the words of their names (`name_joints`), which is said in the log.
 
     Raises:
         InputError: no shipped map fits; names the joints and what to write.
@@ -137,6 +140,11 @@ def built_in_map(take: Take) -> JointMap:
             fitting.append(replace(joint_map, joints=joints))
     if fitting:
         return max(fitting, key=lambda joint_map: len(joint_map.joints))
+    joints = name_joints(take)
+    if joints:
+        listed = ", ".join(f"{joint}: {source}" for joint, source in joints.items())
+        LOGGER.info("%s: joints found by their names: %s", take.source, listed)
+        return JointMap("found by names", joints)
     raise InputError(
         f"{take.source}: joints {_join(take.names)} fit no built-in map "
         f"({_join(Path(joint_map.name).stem for joint_map in shipped)}), expected a "

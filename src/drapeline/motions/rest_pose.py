@@ -68,10 +68,10 @@ def _calibrate(take: Take, source: dict[str, int], *, straight: bool) -> tuple[n
         if parent >= 0:
             relative = np.swapaxes(turned[:, parent], -1, -2) @ relative
         mean = relative.sum(0)
-        ends = _ends(take, source, joint)
         turn = None
         if joint in names:
-            turn = _turn_by_bones(take, names[joint], joint, ends, mean, straight=straight)
+            ends = _ends(take, source, joint)
+            turn = _turn_by_bones(names[joint], ends, mean, straight=straight)
         if turn is None:
             turn = _nearest_rotation(mean).T
         turns[joint] = turn
@@ -95,13 +95,7 @@ def _ends(take: Take, source: dict[str, int], joint: int) -> dict[str, np.ndarra
 
 
 def _turn_by_bones(
-    take: Take,
-    name: str,
-    joint: int,
-    ends: dict[str, np.ndarray],
-    mean: np.ndarray,
-    *,
-    straight: bool,
+    name: str, ends: dict[str, np.ndarray], mean: np.ndarray, *, straight: bool
 ) -> np.ndarray | None:
     """Turn (3, 3) from SMPL's axes to a mapped joint's own, or None where no bone tells it."""
     start = _REFERENCE[_INDEX[name]]

@@ -11,10 +11,13 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.motions.bvh import read_bvh
 from drapeline.motions.importing import import_motion
+from drapeline.motions.joint_map import built_in_map
+from drapeline.motions.joint_names import name_joints
 from drapeline.motions.motion import load_motion
 from drapeline.motions.skeleton import (
     REFERENCE_OFFSETS,
     Y_UP_TO_Z_UP,
+    Take,
     chain,
     globals_from_poses,
     poses_from_globals,
@@ -46,7 +49,7 @@ TO_Z_UP = {  # turn of a file's world that makes its vertical axis Z
 def dance():
     """Global rotations (N, 24, 3, 3) and root path (N, 3) of someone who dances, Z up."""
     clip = load_motion(CLIPS / "dance_b.npz")
-    return globals_from_poses(clip.poses), clip.trans
+    return globals_from_poses(clip.poses[::2]), clip.trans[::2]
 
 
 def along_x(joint: int, sign: float = 1.0) -> np.ndarray:
@@ -70,7 +73,7 @@ def axes_of(rig: str) -> np.ndarray:
     return np.repeat(np.eye(3)[None], 24, 0)
 
 
-def exported(path, dance, *, rig="stands", up="Y", unit=100.0, sides=1.0):
+def exported(path, dance, *, rig="stands", up="Y", unit=100.0, sides=1.0, called=None):
     """The dance as a BVH file of some program."""
     rotations, trans = dance
     world, axes = TO_Z_UP[up].T, axes_of(rig)
@@ -81,7 +84,8 @@ def exported(path, dance, *, rig="stands", up="Y", unit=100.0, sides=1.0):
         if parent >= 0:
             offsets[joint] = axes[parent].T @ REFERENCE_OFFSETS[joint]
             local[:, joint] = np.swapaxes(turned[:, parent], 1, 2) @ turned[:, joint]
-    names = [SMPL_TO_CMU_BVH[name] for name in JOINT_NAMES]
+    called = called or SMPL_TO_CMU_BVH
+    names = [called[name] for name in JOINT_NAMES]
     if sides < 0:
         other = {"Left": "Right", "Right": "Left"}
         names = [next((n.replace(s, o) for s, o in other.items() if s in n), n) for n in names]
@@ -178,6 +182,94 @@ def test_a_unit_that_is_given_must_be_that_of_a_person(tmp_path, dance, unit, fi
     else:
         with pytest.raises(InputError, match=rf"a\.bvh: legs of [\d.]+ m by the unit '{unit}'"):
             import_motion(path, joint_map=tmp_path / "map.yaml")
+
+
+def spelling(middle, limbs):
+    """Names by SMPL's joint; `limbs` are patterns with {side}."""
+    trunk = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+    names = dict(zip(trunk, middle.split(), strict=True))
+    parts = ["hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand"]
+    for part, pattern in zip(parts, [*limbs.split(), "{side}FingerTip"], strict=True):
+        for side in ("left", "right"):
+            words = {"side": side, "Side": side.title(), "S": side[0].upper(), "s": side[0]}
+            names[f"{side}_{part}"] = pattern.format(**words).replace("~", " ")
+    return names
+
+
+ARM = "{Side}Shoulder {Side}Arm {Side}ForeArm {Side}Hand"
+MOCAP = "{Side}UpLeg {Side}Leg {Side}Foot {Side}Toe " + ARM
+ROKOKO = "{Side}Thigh {Side}Shin {Side}Foot {Side}Toe " + ARM
+SOMA = "{Side}Leg {Side}Shin {Side}Foot {Side}ToeBase " + ARM
+BANDAI = (
+    "UpperLeg_{S} LowerLeg_{S} Foot_{S} Toes_{S} Shoulder_{S} UpperArm_{S} LowerArm_{S} Hand_{S}"
+)
+XSENS = (
+    "{Side}Hip {Side}Knee {Side}Ankle {Side}Toe {Side}Collar {Side}Shoulder {Side}Elbow {Side}Wrist"
+)
+KINECT = (
+    "Hip{Side} Knee{Side} Ankle{Side} Foot{Side}"
+    " Clavicle{Side} Shoulder{Side} Elbow{Side} Hand{Side}"
+)
+UNREAL = "thigh_{s} calf_{s} foot_{s} ball_{s} clavicle_{s} upperarm_{s} lowerarm_{s} hand_{s}"
+RIGIFY = "thigh.{S} shin.{S} foot.{S} toe.{S} shoulder.{S} upper_arm.{S} forearm.{S} hand.{S}"
+BIPED = (
+    "Bip01~{S}~Thigh Bip01~{S}~Calf Bip01~{S}~Foot Bip01~{S}~Toe0 Bip01~{S}~Clavicle"
+    " Bip01~{S}~UpperArm Bip01~{S}~Forearm Bip01~{S}~Hand"
+)
+POSER = "{s}Thigh {s}Shin {s}Foot {s}Toe {s}Collar {s}Shldr {s}ForeArm {s}Hand"
+SPELLINGS = {
+    "lafan1": spelling("Hips Spine Spine1 Spine2 Neck Head", MOCAP),
+    "maya": spelling("rig:Hips rig:Spine a:Spine1 b:Spine2 Neck Head", MOCAP.lower()),
+    "blanks": spelling("Hips LowerBack Spine Spine1 Neck Head", MOCAP.replace("{", "Bip01~{")),
+    "bandai_namco": spelling("Hips Spine Spine1 Chest Neck Head", BANDAI),
+    "100style_xsens": spelling("Hips Chest Chest2 Chest3 Neck Head", XSENS),
+    "rokoko": spelling("Hips Spine Spine2 Spine3 Neck Head", ROKOKO),
+    "soma": spelling("Hips Spine1 Spine2 Chest Neck1 Head", SOMA),
+    "kinect": spelling("SpineBase SpineMid SpineA SpineShoulder Neck Head", KINECT),
+    "unreal": spelling("pelvis spine_01 spine_02 spine_03 neck_01 head", UNREAL),
+    "rigify": spelling("pelvis spine spine.001 spine.002 neck face", RIGIFY),
+    "biped": spelling("Bip01 Spine Spine1 Spine2 Neck Head", BIPED),
+    "poser": spelling("hip abdomen waist chest neck head", POSER),
+}
+
+
+@pytest.mark.parametrize("program", SPELLINGS)
+def test_joints_are_found_by_the_names_of_many_programs(tmp_path, dance, program, caplog):
+    called = SPELLINGS[program]
+    take = read_bvh(exported(tmp_path / "a.bvh", [part[:2] for part in dance], called=called))
+    with caplog.at_level("INFO", logger="drapeline"):
+        joints = built_in_map(take).joints
+    assert "a.bvh: joints found by their names: " in caplog.text
+    expected = {joint: name for joint, name in called.items() if "hand" not in joint}
+    assert {"head": called["head"]} | joints == expected  # a head may be called anything
+
+
+def test_the_spine_is_what_lies_between_legs_and_arms(tmp_path, dance):
+    """Whatever it is called: a root below the pelvis, joints between, fingers and twists."""
+    names = ("root", "Hips", "A", "B", "C", "D", "E", "Neck")
+    parents = [-1, 0, 1, 2, 3, 4, 5, 6]
+    for side in ("Left", "Right"):
+        for start, limb in ((1, "Hip UpLeg Leg Foot Toe"), (6, "Arm ForeArm Hand HandThumb1")):
+            for part in limb.split():
+                names += (f"{side}{part}",)
+                parents.append(start)
+                start = len(parents) - 1
+    count = len(names)
+    take = Take(
+        *("a", names, np.array(parents), np.ones((count, 3))),
+        *(np.tile(np.eye(3), (1, count, 1, 1)), np.zeros((1, count, 3)), np.zeros(1)),
+    )
+    joints = name_joints(take)
+    assert [joints[f"spine{k}"] for k in (1, 2, 3)] == ["A", "C", "E"]
+    assert (joints["pelvis"], joints["left_hip"], joints["neck"]) == ("Hips", "LeftUpLeg", "Neck")
+
+
+@pytest.mark.parametrize(("old", "new"), [("LeftForeArm", "Elle"), ("RightLeg", "LeftLeg2")])
+def test_a_person_who_lacks_a_limb_is_not_found_by_names(tmp_path, dance, old, new):
+    called = {joint: new if name == old else name for joint, name in SMPL_TO_CMU_BVH.items()}
+    take = read_bvh(exported(tmp_path / "a.bvh", [part[:2] for part in dance], called=called))
+    with pytest.raises(InputError, match=r"a\.bvh: joints .* fit no built-in map"):
+        built_in_map(take)
 
 
 def amass(path, dance, *, up="Z", unit=1.0, degrees=False, still=0.0):
