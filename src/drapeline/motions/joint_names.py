@@ -90,8 +90,9 @@ def _levels(spine: Sequence[int]) -> dict[str, int]:
     """SMPL's three spine joints among those from the pelvis, without it, to the chest."""
     if len(spine) > 3:
         spine = [spine[0], spine[len(spine) // 2], spine[-1]]
-    names = {0: (), 1: ("spine3",), 2: ("spine1", "spine3"), 3: ("spine1", "spine2", "spine3")}
-    return dict(zip(names[len(spine)], spine, strict=True))
+    names: dict[int, tuple[str, ...]] = {0: (), 1: ("spine3",), 2: ("spine1", "spine3")}
+    levels = names.get(len(spine), ("spine1", "spine2", "spine3"))
+    return dict(zip(levels, spine, strict=True))
 
 
 def _ancestors(take: Take, joint: int) -> list[int]:
