@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.errors import InputError, refuse_damage
 from drapeline.motions.skeleton import Take, chain, globals_from_locals
 
-_FRAME_NUMBER = re.compile(rb"\s*\d{1,18}\s*")
+_FRAME_NUMBER = re.compile(rb"\s*\d{1,18}\s*(#.*\s*)?")
 _HUGE = 1e9  # no angle and no place of a skeleton; beyond, turns come out as nothing
 CMU_FPS = 120.0  # AMC files do not tell their frame rate
 
@@ -96,32 +96,45 @@ def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> T
 
 
 def amc_frames(path: str | Path) -> int:
-    """Number of frames of an AMC file, from the frame numbers at its two ends."""
+    """Number of frames of an AMC file, from its lines that number frames.
+
+    Raises:
+        InputError: the file is missing, has no frame, or its numbers skip or repeat.
+    """
     path = Path(path)
+    count = number = 0
     with refuse_damage(path, "an AMC motion"), open(path, "rb") as stream:
-        head = stream.read(1 << 14)
-        size = stream.seek(0, 2)
-        stream.seek(max(size - (1 << 16), 0))
-        tail = stream.read()
-    numbers = [
-        [int(line) for line in part.split(b"\n") if _FRAME_NUMBER.fullmatch(line)]
-        for part in (head, tail)
-    ]
-    if not numbers[0] or not numbers[1]:
+        for line in stream:
+            if _FRAME_NUMBER.fullmatch(line):
+                number = _follow(path, number if count else None, int(line.split(b"#")[0]))
+                count += 1
+    if count == 0:
         raise InputError(f"{path}: holds 0 frames, expected at least 1")
-    count = numbers[1][-1] - numbers[0][0] + 1
-    if not 0 < 2 * count <= size:  # a digit and the end of a line for each
-        raise InputError(
-            f"{path}: its frames are numbered {numbers[0][0]} to {numbers[1][-1]} in {size} bytes,"
-            " expected one or more, in their order"
-        )
     return count
+
+
+def _follow(path: Path, previous: int | None, number: int) -> int:
+    """The number of a frame, if it is the one after the previous frame's.
+
+    Raises:
+        InputError: frames are missing or there twice, so that nobody knows when each was.
+    """
+    if previous is not None and number != previous + 1:
+        raise InputError(
+            f"{path}: frame {number} follows frame {previous}, expected {previous + 1} (none "
+            "missing and none twice; number them 1, 2, 3 ... and give their rate as 'amc_fps')"
+        )
+    return number
 
 
 def _lines(path: Path, expected: str) -> list[list[str]]:
     with refuse_damage(path, expected):
-        text = path.read_text(encoding="latin-1")
-    rows = (line.split("#")[0].split() for line in text.splitlines())
+        raw = path.read_bytes()
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:  # names of an older Western program
+        text = raw.decode("latin-1")
+    rows = (line.split("#")[0].split() for line in text.replace("\r", "\n").split("\n"))
     return [row for row in rows if row]
 
 
@@ -219,7 +232,8 @@ def _parse_amc(
     for words in lines:
         if words[0].startswith(":"):
             continue
-        if len(words) == 1 and words[0].isdigit():
+        if len(words) == 1 and words[0].isdecimal() and len(words[0]) <= 18:
+            _follow(path, int(frame) if count else None, int(words[0]))
             frame, count = words[0], count + 1
             continue
         name = words[0]

@@ -1,7 +1,10 @@
 """Biovision (.bvh) files: any skeleton, any channel order."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from decimal import Decimal
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +12,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drapeline.errors import InputError
+from drapeline.frames import FPS
 from drapeline.motions.skeleton import Take, globals_from_locals
 
 REST_JUMP_DEG = 20.0
+_NTSC = 1000 / 1001
+_USUAL_FPS = (
+    *(24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480),
+    *(500, 1000, 24 * _NTSC, 30 * _NTSC, 60 * _NTSC, 120 * _NTSC),
+)
 
 
 @dataclass
@@ -76,75 +85,145 @@ def bvh_frames(path: str | Path) -> tuple[int, float]:
 
 def _halves(path: Path, *, motion_lines: int | None = None) -> tuple[list[str], list[str]]:
     """Lines of the HIERARCHY part and of the MOTION part (or only its first lines)."""
-    head: list[str] = []
-    rows: list[str] = []
     try:
-        with open(path, encoding="latin-1") as stream:
-            for line in stream:
-                if line.strip().upper() == "MOTION":
-                    break
-                head.append(line)
-            else:
-                raise InputError(f"{path}: has no line 'MOTION', expected a whole BVH file")
-            for line in stream:
-                if motion_lines is not None and len(rows) >= motion_lines:
-                    break
-                rows.append(line)
+        try:
+            return _read_halves(path, "utf-8-sig", motion_lines)
+        except UnicodeDecodeError:  # names of an older Western program
+            return _read_halves(path, "latin-1", motion_lines)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file, expected a BVH motion") from error
     except OSError as error:
         raise InputError(
             f"{path}: not readable ({error.strerror}), expected a BVH motion"
         ) from error
-    return head, rows
+
+
+def _read_halves(
+    path: Path, encoding: str, motion_lines: int | None
+) -> tuple[list[str], list[str]]:
+    head: list[str] = []
+    with open(path, encoding=encoding) as stream:
+        for line in stream:
+            if line.strip().upper() == "MOTION":
+                return head, list(islice(stream, motion_lines))
+            head.append(line)
+    raise InputError(f"{path}: has no line 'MOTION', expected a whole BVH file")
+
+
+class _Words:
+    """The words of a hierarchy one by one; braces are words of their own.
+
+    Attributes:
+        line: number of the line that the last word stands in.
+    """
+
+    def __init__(self, lines: list[str]) -> None:
+        self._words = [
+            (number, word)
+            for number, line in enumerate(lines, 1)
+            for word in line.replace("{", " { ").replace("}", " } ").split()
+        ]
+        self._next = 0
+        self.line = 1
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        if self._next == len(self._words):
+            raise StopIteration
+        self.line, word = self._words[self._next]
+        self._next += 1
+        return word
+
+    def name(self) -> str:
+        """A joint's name, up to the brace or the end of its line: it may hold blanks."""
+        parts = [next(self)]
+        while self._next < len(self._words):
+            line, word = self._words[self._next]
+            if word == "{" or line != self.line:
+                break
+            parts.append(next(self))
+        return " ".join(parts)
+
+    def open_brace(self) -> None:
+        """The brace that a joint's description begins with.
+
+        Raises:
+            ValueError: there is another word.
+        """
+        word = next(self)
+        if word != "{":
+            raise ValueError(f"'{word}', expected '{{'")
 
 
 def _parse_hierarchy(path: Path, lines: list[str]) -> _JointTree:
-    words = iter(" ".join(lines).split())
+    words = _Words(lines)
     hierarchy = _JointTree()
-    stack: list[int] = []
+    stack: list[int] = []  # joints whose braces are open
     try:
         if next(words, "").upper() != "HIERARCHY":
             raise InputError(f"{path}: does not start with 'HIERARCHY', expected a BVH file")
         for word in words:
-            key = word.upper()
-            if key in ("ROOT", "JOINT"):
-                hierarchy.names.append(next(words))
-                hierarchy.parents.append(stack[-1] if stack else -1)
-                hierarchy.offsets.append([0.0, 0.0, 0.0])
-                hierarchy.channels.append([])
-            elif key == "END":
-                _skip_end_site(words)
-            elif key == "{":
-                stack.append(len(hierarchy.names) - 1)
-            elif key == "}":
-                stack.pop()
-            elif key == "OFFSET":
-                hierarchy.offsets[-1] = [float(next(words)) for _ in range(3)]
-            elif key == "CHANNELS":
-                hierarchy.channels[-1] = [next(words) for _ in range(int(next(words)))]
-            else:
-                raise InputError(f"{path}: '{word}' in the hierarchy, expected a BVH keyword")
-    except (StopIteration, RuntimeError, ValueError, IndexError) as error:
+            _parse_word(word.upper(), words, hierarchy, stack)
+        if stack:
+            raise ValueError(f"'{hierarchy.names[stack[-1]]}' is not closed, expected '}}'")
+    except (StopIteration, ValueError, IndexError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: the hierarchy is cut off or malformed, expected BVH") from error
+        problem = str(error) if isinstance(error, ValueError) else "the hierarchy is cut off"
+        raise InputError(f"{path}: line {words.line}: {problem}") from error
     _check_hierarchy(path, hierarchy)
     return hierarchy
 
 
-def _skip_end_site(words: Iterator[str]) -> None:
-    while next(words) != "}":
-        pass
+def _parse_word(key: str, words: _Words, hierarchy: _JointTree, stack: list[int]) -> None:
+    """Read on from a keyword; `stack` holds the joints whose braces are open.
+
+    Raises:
+        ValueError, IndexError, StopIteration: the hierarchy is malformed or ends here.
+    """
+    if key in ("ROOT", "JOINT"):
+        hierarchy.names.append(words.name())
+        hierarchy.parents.append(stack[-1] if stack else -1)
+        hierarchy.offsets.append([])
+        hierarchy.channels.append([])
+        words.open_brace()
+        stack.append(len(hierarchy.names) - 1)
+    elif key == "END":
+        words.name()
+        _skip_end_site(words)
+    elif key == "}" and stack:
+        closed = stack.pop()
+        hierarchy.offsets[closed] = hierarchy.offsets[closed] or [0.0, 0.0, 0.0]
+    elif key == "OFFSET" and stack and not hierarchy.offsets[stack[-1]]:
+        hierarchy.offsets[stack[-1]] = [float(next(words)) for _ in range(3)]
+    elif key == "CHANNELS" and stack and not hierarchy.channels[stack[-1]]:
+        hierarchy.channels[stack[-1]] = [next(words) for _ in range(int(next(words)))]
+    elif key in ("{", "}", "OFFSET", "CHANNELS"):
+        raise ValueError(f"'{key}' out of place in the hierarchy (a brace dropped or doubled?)")
+    else:
+        raise ValueError(f"'{key}' in the hierarchy, expected a BVH keyword")
+
+
+def _skip_end_site(words: _Words) -> None:
+    words.open_brace()
+    word = next(words)
+    if word.upper() == "OFFSET":
+        for _ in range(3):
+            float(next(words))
+        word = next(words)
+    if word != "}":
+        raise ValueError(f"'{word}' in an end site, expected an OFFSET and '}}'")
 
 
 def _check_hierarchy(path: Path, hierarchy: _JointTree) -> None:
     if not hierarchy.names or hierarchy.parents.count(-1) != 1:
         roots = hierarchy.parents.count(-1)
         raise InputError(f"{path}: has {roots} ROOT joints, expected 1")
-    twice = {name for name in hierarchy.names if hierarchy.names.count(name) > 1}
-    if twice:
-        raise InputError(f"{path}: joint {sorted(twice)[0]} appears twice, expected unique names")
+    name, times = Counter(hierarchy.names).most_common(1)[0]
+    if times > 1:
+        raise InputError(f"{path}: joint {name} appears twice, expected unique names")
     if not hierarchy.width:
         raise InputError(f"{path}: has no channels, expected those of joints that move")
     if not np.isfinite(hierarchy.offsets).all():
@@ -161,13 +240,14 @@ def _check_hierarchy(path: Path, hierarchy: _JointTree) -> None:
 def _parse_motion_header(path: Path, rows: list[str]) -> tuple[int, float, int]:
     """Number of frames, seconds per frame, and the index of the first row of values."""
     count = frame_time = None
+    digits = ""
     for index, row in enumerate(rows):
         key, _, value = row.partition(":")
         try:
             if key.strip().lower() == "frames":
                 count = int(value)
             elif key.strip().lower() == "frame time":
-                frame_time = float(value)
+                frame_time, digits = float(value), value
         except ValueError as error:
             raise InputError(f"{path}: '{row.strip()}', expected a number") from error
         if count is not None and frame_time is not None:
@@ -175,8 +255,24 @@ def _parse_motion_header(path: Path, rows: list[str]) -> tuple[int, float, int]:
                 raise InputError(f"{path}: holds {count} frames, expected at least 1")
             if not (np.isfinite(frame_time) and frame_time > 0):
                 raise InputError(f"{path}: frame time {frame_time}, expected seconds above 0")
-            return count, frame_time, index + 1
+            return count, _exact_frame_time(frame_time, digits, count), index + 1
     raise InputError(f"{path}: lacks 'Frames:' or 'Frame Time:', expected a whole BVH file")
+
+
+def _exact_frame_time(written_s: float, digits: str, count: int) -> float:
+    """Seconds per frame of the usual rate that was rounded or cut to the digits written.
+
+    What is written is kept where the rate is not a usual one, or where rounding moves the last of
+    `count` frames by less than resampling takes for nothing.
+    """
+    step = 10.0 ** int(Decimal(digits.strip()).as_tuple().exponent)
+    if step > 0.001:  # too few digits to tell rates apart
+        return written_s
+    exact = min((1 / rate for rate in _USUAL_FPS), key=lambda time: abs(time - written_s))
+    off = abs(exact - written_s)
+    if off >= step or off > 0.015 * exact or off * count * FPS < 1e-6:
+        return written_s
+    return exact
 
 
 def _parse_values(path: Path, rows: list[str], hierarchy: _JointTree, count: int) -> np.ndarray:

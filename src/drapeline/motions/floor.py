@@ -14,8 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.motion import Motion, loop_to
-from drapeline.motions.retarget import rotation_between
-from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, poses_from_globals, reference_joints
+from drapeline.motions.skeleton import (
+    REFERENCE_LEG_LENGTH_M,
+    poses_from_globals,
+    reference_joints,
+    rotation_between,
+)
 
 CONTACT_HEIGHT_M = 0.03  # a point this near the floor may be standing on it
 CONTACT_SPEED_M_S = 0.4  # a faster point is not

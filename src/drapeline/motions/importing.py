@@ -11,8 +11,9 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.motions.asf_amc import CMU_FPS, amc_frames, find_asf, read_asf_amc
 from drapeline.motions.bvh import bvh_frames, read_bvh
+from drapeline.motions.conventions import explain_poses, explain_take
 from drapeline.motions.floor import set_on_floor
-from drapeline.motions.joint_map import built_in_map, load_joint_map
+from drapeline.motions.joint_map import UNITS_M, JointMap, built_in_map, load_joint_map
 from drapeline.motions.motion import (
     Motion,
     check_motion,
@@ -35,8 +36,11 @@ _ROOT_JOINT_M = np.array([0.0, -0.22, 0.03])
 _SMPL_LEG_LENGTH_M = 0.79  # mean shape, hip to knee to ankle
 
 
-def read_amass(path: str | Path) -> Motion:
-    """Read an AMASS motion at its own frame rate, in its own Z-up world.
+def read_amass(path: str | Path, joint_map: JointMap | None = None) -> Motion:
+    """Read an AMASS motion at its own frame rate, in a Z-up world.
+
+    AMASS's own files are Z-up; others that are not are turned (`explain_poses`), as `up` and `unit`
+    of a joint map say or as the motion shows.
 
     The 22 body joints are shared by the three models. SMPL's two hand joints are kept from 72
     numbers and left straight for SMPL-H and SMPL-X, whose fingers have no counterpart. The
@@ -56,17 +60,15 @@ def read_amass(path: str | Path) -> Motion:
     full = np.zeros((len(poses), 72))
     kept = 72 if poses.shape[1] == 72 else 66
     full[:, :kept] = poses[:, :kept]
-    scale = REFERENCE_LEG_LENGTH_M / _SMPL_LEG_LENGTH_M
-    motion = Motion(
-        full,
-        (trans + _ROOT_JOINT_M) * scale if trans.shape == (len(poses), 3) else trans,
-        frame_rate(path, arrays),
-        "",
-        "",
-        str(path),
-        Path(path).stem,
-    )
-    return check_motion(motion)
+    fps = frame_rate(path, arrays)
+    sizes = REFERENCE_LEG_LENGTH_M / _SMPL_LEG_LENGTH_M
+    if trans.shape == (len(poses), 3):
+        unit_m = UNITS_M[(joint_map and joint_map.unit) or "m"]
+        trans = (trans * unit_m + _ROOT_JOINT_M) * sizes
+    name = str(path)
+    motion = check_motion(Motion(full, trans, fps, "", "", name, Path(path).stem))
+    full, trans = explain_poses(full, trans, fps, joint_map, name)
+    return replace(motion, poses=full, trans=trans)
 
 
 def frame_rate(path: str | Path, arrays: dict[str, np.ndarray]) -> float:
@@ -88,13 +90,14 @@ class _Format(NamedTuple):
     """A format of motion files.
 
     Attributes:
-        read: (path, skeleton file or None, frames per second where the file does not tell) -> a
-            motion in SMPL's pose space, on the floor; or a take, and its frames per second.
+        read: (path, joint map or None, skeleton file or None, frames per second where the file
+            does not tell) -> a motion in SMPL's pose space, on the floor; or a take, and its frames
+            per second.
         measure: (path, frames per second) -> frames, frames per second, and whether it is cyclic,
             without reading the whole file.
     """
 
-    read: Callable[[Path, str | Path | None, float], Motion | tuple[Take, float]]
+    read: Callable[[Path, JointMap | None, str | Path | None, float], Motion | tuple[Take, float]]
     measure: Callable[[Path, float], tuple[int, float, bool]]
 
 
@@ -114,7 +117,8 @@ def import_motion(
 
     Args:
         path: `.npz` (ours or AMASS), `.bvh` or `.amc`.
-        joint_map: YAML joint map of a BVH or AMC skeleton; None tries the built-in ones.
+        joint_map: YAML joint map: the joints of a BVH or AMC skeleton, and the vertical axis and
+            unit of any file; None tries the built-in ones and measures the rest.
         asf: skeleton of an AMC motion; None looks beside it.
         amc_fps: frames per second of an AMC motion; the file does not tell.
         frames: length of the result: cyclic clips are repeated up to it, longer motions are
@@ -127,13 +131,13 @@ def import_motion(
         InputError: one sentence naming the file, the value and what was expected.
     """
     path = _check_suffix(path)
-    found = _FORMATS[path.suffix.lower()].read(path, asf, amc_fps)
+    given = None if joint_map is None else load_joint_map(joint_map)
+    found = _FORMATS[path.suffix.lower()].read(path, given, asf, amc_fps)
     if isinstance(found, Motion):
         motion = found
     else:
         take, fps = found
-        chosen = built_in_map(take) if joint_map is None else load_joint_map(joint_map)
-        poses, trans = retarget(take, chosen)
+        poses, trans = retarget(*explain_take(take, _map_for(take, given)))
         _check_rate(path, fps)
         times = np.arange(resampled_count(len(poses), fps)) / FPS
         poses, trans = interpolate(poses, trans, take.times_s, times)
@@ -150,6 +154,13 @@ def import_motion(
         subject=subject or motion.subject or _subject(path),
         sequence=sequence or motion.sequence,
     )
+
+
+def _map_for(take: Take, given: JointMap | None) -> JointMap:
+    """The map that is given; its joints are a built-in map's if it names none."""
+    if given is None:
+        return built_in_map(take)
+    return given if given.joints else replace(given, joints=built_in_map(take).joints)
 
 
 def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float = CMU_FPS) -> int:
@@ -178,10 +189,10 @@ def _check_suffix(path: str | Path) -> Path:
     return path
 
 
-def _read_npz(path: Path) -> Motion:
+def _read_npz(path: Path, given: JointMap | None) -> Motion:
     """Read our own file, recognised by its leg length, or else an AMASS file."""
     ours = load_npz(path, {"reference_leg_length_m?": "any ..."})
-    motion = load_motion(path) if ours else read_amass(path)
+    motion = load_motion(path) if ours else read_amass(path, given)
     _check_rate(path, motion.fps)
     motion = resample(motion)
     # AMASS is in SMPL's pose space already, so its poses are kept.
@@ -216,12 +227,16 @@ def _read_bvh(path: Path) -> tuple[Take, float]:
     return take, _rate(take.times_s)
 
 
-def _read_amc(path: Path, asf: str | Path | None, fps: float) -> tuple[Take, float]:
+def _read_amc(
+    path: Path, _: JointMap | None, asf: str | Path | None, fps: float
+) -> tuple[Take, float]:
     return read_asf_amc(asf or find_asf(path), path, fps=fps), fps
 
 
 _FORMATS = {
-    ".npz": _Format(lambda path, *_: _read_npz(path), lambda path, _: _npz_frames(path)),
+    ".npz": _Format(
+        lambda path, given, *_: _read_npz(path, given), lambda path, _: _npz_frames(path)
+    ),
     ".bvh": _Format(lambda path, *_: _read_bvh(path), lambda path, _: (*bvh_frames(path), False)),
     ".amc": _Format(_read_amc, lambda path, fps: (amc_frames(path), fps, False)),
 }

@@ -13,13 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.motions.joint_map import JointMap
+from drapeline.motions.joint_map import AXES, JointMap
 from drapeline.motions.skeleton import (
     REFERENCE_LEG_LENGTH_M,
     REFERENCE_OFFSETS,
     Y_UP_TO_Z_UP,
     Take,
     poses_from_globals,
+    rotation_between,
+    unit,
 )
 
 _MIN_FLEXION_RAD = np.radians(10.0)  # a straighter arm shows no axis
@@ -108,7 +110,7 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
     for joint, name in enumerate(JOINT_NAMES):  # hands, toes, collars without a source
         if name not in source and name not in SPINE:
             rotations[:, joint] = rotations[:, PARENTS[joint]]
-    scale = REFERENCE_LEG_LENGTH_M / _leg_length(rest, source, take.source)
+    scale = REFERENCE_LEG_LENGTH_M / leg_length(rest, source, take.source)
     # The hips' midpoint is what the legs hang from; the root joint sits elsewhere in each rig.
     hips = take.positions[:, [source["left_hip"], source["right_hip"]]].mean(1) @ world.T
     below = REFERENCE_OFFSETS[[INDEX["left_hip"], INDEX["right_hip"]]].mean(0)
@@ -125,27 +127,16 @@ def body_frame(rest: np.ndarray, source: dict[str, int], name: str) -> np.ndarra
     """
     hips = rest[[source["left_hip"], source["right_hip"]]]
     shoulders = rest[[source["left_shoulder"], source["right_shoulder"]]]
-    up = _snap(_unit(shoulders.mean(0) - hips.mean(0)))
+    up = _snap(unit(shoulders.mean(0) - hips.mean(0)))
     left = hips[0] - hips[1] + shoulders[0] - shoulders[1]
     left = left - up * (left @ up)
     if np.linalg.norm(left) < 1e-9 or not np.isfinite(left).all():
         raise InputError(
             f"{name}: hips and shoulders lie on one line, expected a standing rest pose"
         )
-    left = _unit(_snap(_unit(left)))
-    left = _unit(left - up * (left @ up))
+    left = unit(_snap(unit(left)))
+    left = unit(left - up * (left @ up))
     return np.stack([left, up, np.cross(left, up)])
-
-
-def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Smallest rotation (3, 3) that turns direction `start` (3,) onto `end` (3,)."""
-    start, end = _unit(start), _unit(end)
-    axis, cosine = np.cross(start, end), float(start @ end)
-    if cosine < -1 + 1e-9:  # opposite: half a turn about any axis across
-        axis = _unit(np.cross(start, np.eye(3)[np.argmin(np.abs(start))]))
-        return Rotation.from_rotvec(np.pi * axis).as_matrix()
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 
 def _alignment(rest: np.ndarray, source: dict[str, int]) -> dict[str, np.ndarray]:
@@ -229,7 +220,7 @@ def _fill_spine(rotations: np.ndarray, source: dict[str, int]) -> None:
         rotations[:, INDEX[SPINE[level]]] = rotations[:, INDEX[SPINE[driven[-1]]]]
 
 
-def _leg_length(rest: np.ndarray, source: dict[str, int], name: str) -> float:
+def leg_length(rest: np.ndarray, source: dict[str, int], name: str) -> float:
     """Mean length of both legs in the file's unit."""
     total = 0.0
     for side in ("left", "right"):
@@ -244,12 +235,7 @@ def _world_frame(facing: np.ndarray, up: str | None) -> np.ndarray:
     """Rotation from the file's world to a Y-up one; `up` overrides what the rest pose suggests."""
     if up is None:
         return facing
-    axis = np.eye(3)["XYZ".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
-    return rotation_between(facing @ axis, np.array([0.0, 1.0, 0.0])) @ facing
-
-
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / max(np.linalg.norm(vector), 1e-12)
+    return rotation_between(facing @ AXES[up], np.array([0.0, 1.0, 0.0])) @ facing
 
 
 def _snap(direction: np.ndarray) -> np.ndarray:

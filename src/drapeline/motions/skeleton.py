@@ -123,3 +123,19 @@ def reference_joints(
     rotations = globals_from_poses(poses)
     offsets = REFERENCE_OFFSETS * (leg_length_m / REFERENCE_LEG_LENGTH_M)
     return chain(PARENTS, rotations, offsets[None]) + np.asarray(trans)[:, None], rotations
+
+
+def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Smallest rotation (3, 3) that turns direction `start` (3,) onto `end` (3,)."""
+    start, end = unit(start), unit(end)
+    axis, cosine = np.cross(start, end), float(start @ end)
+    if cosine < -1 + 1e-9:  # opposite: half a turn about any axis across
+        axis = unit(np.cross(start, np.eye(3)[np.argmin(np.abs(start))]))
+        return Rotation.from_rotvec(np.pi * axis).as_matrix()
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    """A vector (3,) of length 1, or of length 0 as it is."""
+    return vector / max(np.linalg.norm(vector), 1e-12)

@@ -147,9 +147,33 @@ def test_skeletons_that_are_none_are_refused(files, old, new, message):
         read_asf_amc(asf, amc)
 
 
-@pytest.mark.parametrize("last", ["999999999", "0"])
-def test_frame_numbers_that_the_file_cannot_hold_are_refused(files, last):
-    _, amc = files({}, {})
-    amc.write_text(amc.read_text().replace("\n2\n", f"\n{last}\n"))
-    with pytest.raises(InputError, match=rf"07_01\.amc: its frames are numbered 1 to {last} in"):
-        amc_frames(amc)
+@pytest.mark.parametrize("numbers", [(1, 999999999), (1, 0), (1, 1), (4, 8, 12), (1, 3)])
+def test_frames_that_skip_or_repeat_are_refused_by_count_and_by_reading(files, numbers):
+    asf, amc = files(*[{}] * len(numbers))
+    text = amc.read_text()
+    for index, number in reversed(list(enumerate(numbers, 1))):
+        text = text.replace(f"\n{index}\n", f"\n{number}\n", 1)
+    amc.write_text(text)
+    for read in (amc_frames, lambda path: read_asf_amc(asf, path)):
+        with pytest.raises(
+            InputError,
+            match=rf"07_01\.amc: frame {numbers[1]} follows frame {numbers[0]}, expected",
+        ):
+            read(amc)
+
+
+def test_a_motion_may_start_at_any_frame_and_have_comments(files):
+    asf, amc = files({}, {})
+    text = amc.read_text().replace("\n2\n", "\n118 # a comment\n").replace("\n1\n", "\n117\n")
+    amc.write_text(text)
+    assert amc_frames(amc) == 2 == len(read_asf_amc(asf, amc).times_s)
+
+
+def test_a_byte_order_mark_and_names_in_any_language_are_read(files):
+    asf, amc = files({})
+    expected = read_asf_amc(asf, amc)
+    for path in (asf, amc):
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_text().replace("lfemur", "左腕").encode())
+    take = read_asf_amc(asf, amc)
+    assert "左腕" in take.names
+    np.testing.assert_array_equal(take.positions, expected.positions)

@@ -146,3 +146,58 @@ def test_a_skeleton_that_does_not_move_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match=r"a\.bvh: has no channels"):
         bvh_frames(path)
+
+
+def test_a_byte_order_mark_and_names_in_any_language_are_read(walk):
+    path, _ = walk
+    expected = read_bvh(path)
+    text = path.read_text().replace("LeftArm", "左腕").replace("LeftLeg", "Bip01 Left Leg")
+    for marked in (b"", b"\xef\xbb\xbf"):
+        path.write_bytes(marked + text.encode())
+        take = read_bvh(path)
+        assert {"左腕", "Bip01 Left Leg"} <= set(take.names)
+        np.testing.assert_array_equal(take.positions, expected.positions)
+        assert bvh_frames(path)[0] == 20
+
+
+def test_names_of_older_programs_are_read(walk):
+    path, _ = walk
+    path.write_bytes(path.read_text().replace("LeftArm", "Fuß").encode("latin-1"))
+    assert "Fuß" in read_bvh(path).names
+
+
+def braces(text):
+    head = text.split("MOTION")[0]
+    return [at for at, letter in enumerate(head) if letter in "{}"]
+
+
+@pytest.mark.parametrize("repeat", [0, 2])
+def test_any_brace_dropped_or_doubled_is_refused_with_a_line(walk, repeat):
+    path, _ = walk
+    text = path.read_text()
+    for at in braces(text):
+        path.write_text(text[:at] + repeat * text[at] + text[at + 1 :])
+        for read in (read_bvh, bvh_frames):
+            with pytest.raises(InputError, match=r"walk\.bvh: line \d+: "):
+                read(path)
+
+
+def test_a_brace_that_is_missing_at_its_start_is_found_in_its_line(walk):
+    path = edited(walk[0], "\t{", "\t")
+    with pytest.raises(InputError, match=r"walk\.bvh: line 8: 'OFFSET', expected '{'"):
+        read_bvh(path)
+
+
+@pytest.mark.parametrize(
+    ("written", "fps"),
+    [
+        *(("0.0333333", 30), ("0.033333", 30), (".0333", 30), ("0.033", 30), ("3.333e-2", 30)),
+        *(("0.008333", 120), ("0.00833", 120), ("0.0083", 120), ("0.016667", 60), ("0.01666", 60)),
+        *(("0.033367", 30 / 1.001), ("0.0166833", 60 / 1.001), ("0.041667", 24)),
+        *(("0.01", 100), ("0.04", 25), ("0.0078125", 128), ("0.0345", 1 / 0.0345)),
+    ],
+)
+def test_rates_that_are_rounded_are_the_rates_that_people_mean(walk, written, fps):
+    path = edited(walk[0], "0.033333333", written)
+    assert bvh_frames(path)[1] == pytest.approx(fps, rel=1e-12)
+    np.testing.assert_allclose(read_bvh(path).times_s, np.arange(20) / fps, rtol=1e-12)

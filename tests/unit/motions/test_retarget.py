@@ -9,7 +9,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.motions.bvh import read_bvh
 from drapeline.motions.joint_map import JointMap, built_in_map
-from drapeline.motions.retarget import measured_twists, retarget, rotation_between
+from drapeline.motions.retarget import measured_twists, retarget
 from drapeline.motions.skeleton import (
     REFERENCE_OFFSETS,
     Y_UP_TO_Z_UP,
@@ -18,6 +18,7 @@ from drapeline.motions.skeleton import (
     globals_from_locals,
     globals_from_poses,
     reference_joints,
+    rotation_between,
 )
 from toys.motion_files import SMPL_TO_CMU_BVH, random_turns, smooth_turns, write_bvh
 
