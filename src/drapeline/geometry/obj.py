@@ -50,8 +50,9 @@ def load_obj(path: str | Path) -> Mesh:
         raise DamagedFile(path, "holds zero bytes, expected a Wavefront OBJ in UTF-8 or ASCII")
     text = _CONTINUED.sub(" ", text)
     _refuse_cut(path, text)
-    mesh = _parse_tidy(text)
-    mesh = _parse_lines(path, text) if mesh is None else mesh
+    with np.errstate(over="ignore"):  # refused below
+        mesh = _parse_tidy(text)
+        mesh = _parse_lines(path, text) if mesh is None else mesh
     finite = np.isfinite(mesh.vertices).all(axis=1)
     if not finite.all():
         raise DamagedFile(path, f"vertex {finite.argmin() + 1} is not finite, expected metres")
