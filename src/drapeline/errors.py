@@ -1,10 +1,22 @@
 """The exception raised for unusable input, and what turns a parser's own exceptions into it."""
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 _LONGEST = 1000  # characters of a message
+# Failures of the machine, which say nothing about a file.
+_MACHINE_ERRORS = {
+    errno.EACCES,
+    errno.EIO,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.EPERM,
+    errno.ESTALE,
+    errno.ETIMEDOUT,
+}
 
 
 class InputError(ValueError):
@@ -41,7 +53,8 @@ def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
     """Turn whatever the block raises into a DamagedFile: it can fail in any way.
 
     Only what parses a file belongs in the block. Exhausted memory is not the file's fault, since
-    sizes are checked before memory is asked for, and passes.
+    sizes are checked before memory is asked for, and passes. Where the machine fails, as by a lack
+    of permission or of handles, it is an InputError that calls no file damaged.
 
     Args:
         expected: what it should be, such as "YAML".
@@ -53,6 +66,11 @@ def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
     except FileNotFoundError as error:
         raise DamagedFile(path, f"no such file, expected {expected}") from error
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _MACHINE_ERRORS:
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}), expected the system to let it be read;"
+                " the file itself may be intact"
+            ) from error
         lines = (getattr(error, "strerror", None) or str(error)).strip().splitlines()
         reason = lines[0][:200] if lines else type(error).__name__
         raise DamagedFile(path, f"not readable as {expected} ({reason})") from error

@@ -1,10 +1,12 @@
 """Messages of one line, and what parsers raise as one of them."""
 
+import errno
+import os
 import pickle
 
 import pytest
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 
 
 def test_a_message_is_one_printable_line_of_bounded_length():
@@ -28,13 +30,21 @@ def test_an_error_survives_being_sent_to_another_process():
         (KeyError("poses"), r"a\.mat: not readable as MATLAB \('poses'\)"),
         (ValueError("first\nsecond"), r"a\.mat: not readable as MATLAB \(first\)"),
         (RecursionError(), r"a\.mat: not readable as MATLAB \(RecursionError\)"),
-        (PermissionError(13, "Permission denied"), r"MATLAB \(Permission denied\)"),
         (FileNotFoundError(2, "x"), r"a\.mat: no such file, expected MATLAB"),
     ],
 )
 def test_whatever_a_parser_raises_names_the_file(error, message):
     with pytest.raises(InputError, match=message), refuse_damage("a.mat", "MATLAB"):
         raise error
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.EMFILE])
+def test_a_failing_machine_is_not_called_a_damaged_file(number):
+    error = OSError(number, os.strerror(number))
+    with pytest.raises(InputError) as caught, refuse_damage("a.mat", "MATLAB"):
+        raise error
+    assert str(caught.value).startswith(f"a.mat: cannot be read ({error.strerror})")
+    assert not isinstance(caught.value, DamagedFile)
 
 
 @pytest.mark.parametrize(

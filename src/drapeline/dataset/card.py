@@ -44,7 +44,9 @@ def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
         return "(none)"
     columns = list(dict.fromkeys(column for row in rows for column in row))
     lines = [columns, ["---"] * len(columns)]
-    lines += [[str(row.get(column, "")).replace("|", "\\|") for column in columns] for row in rows]
+    lines += [
+        [_text(row.get(column, "")).replace("|", "\\|") for column in columns] for row in rows
+    ]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
@@ -196,4 +198,9 @@ def _licence(records: Sequence[SampleRecord]) -> str:
 
 
 def _join(values: Iterable[Any]) -> str:
-    return ", ".join(sorted(str(value) for value in values)) or "none"
+    return ", ".join(sorted(map(_text, values))) or "none"
+
+
+def _text(value: Any) -> str:
+    """A value on one line, in which Markdown finds no HTML."""
+    return " ".join(str(value).split()).replace("<", "&lt;")

@@ -20,7 +20,7 @@ from drapeline.dataset.record import (
     body_fingerprint,
     meta_path,
 )
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
@@ -265,7 +265,9 @@ class Sample:
 
         Raises:
             InputError: the OBJ is missing or damaged.
+            KeyError: there is no such garment.
         """
+        self._check_garment(garment)
         return self._rest_mesh(self.folder / f"{garment}.obj")
 
     def body_mesh(self) -> Mesh:
@@ -300,8 +302,7 @@ class Sample:
             InputError: the file is missing, damaged, or has another number of frames.
             IndexError: the range is not within the sequence.
         """
-        cache = self._cache(garment)
-        return self._place(cache.frames(start, stop), start, frame)
+        return self._place(self._read(garment, start, stop), start, frame)
 
     def body_vertices(
         self, start: int = 0, stop: int | None = None, frame: Frame = "world"
@@ -317,7 +318,7 @@ class Sample:
             IndexError: the range is not within the sequence.
         """
         if not self._bodies:
-            return self._place(self._cache(BODY).frames(start, stop), start, frame)
+            return self._place(self._read(BODY, start, stop), start, frame)
         from drapeline.bodies.model import posed_vertices
         from drapeline.bodies.sequence import press_apart
 
@@ -348,8 +349,8 @@ class Sample:
             InputError: the file is damaged.
             KeyError: there is no such garment.
         """
-        if name != BODY and name not in self.garments:
-            raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
+        if name != BODY:
+            self._check_garment(name)
         path = self._extras / f"{name}.npz"
         if not path.is_file():
             return {}
@@ -410,10 +411,32 @@ class Sample:
         vertices = mesh.vertices @ _rotation_z(zrot).astype(np.float32)  # = Rz(-zrot) v
         return Mesh(vertices, mesh.faces, mesh.uv, mesh.uv_faces)
 
+    def _check_garment(self, name: str) -> None:
+        if name not in self.garments:
+            raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
+
+    def _rest_count(self, name: str) -> int | None:
+        """Vertices of a garment's OBJ where there is one and no manifest vouches for it."""
+        path = Path(f"{self.folder}/{name}.obj")
+        if name == BODY or not path.is_file():
+            return None
+        if os.path.isfile(f"{self.folder}/{SAMPLE_MANIFEST}"):
+            return None
+        with refuse_damage(path, "a Wavefront OBJ"):
+            return (b"\n" + path.read_bytes()).count(b"\nv ")
+
+    def _read(self, name: str, start: int, stop: int | None) -> np.ndarray:
+        """Frames [start, stop) of a cache, all of them numbers."""
+        cache = self._cache(name)
+        points = cache.frames(start, stop)
+        if not np.isfinite(points.sum()):  # in a tenth of the time of all
+            raise DamagedFile(cache.path, "a position is not finite or is huge, expected metres")
+        return points
+
     def _cache(self, name: str) -> PointCache:
         if name not in self._caches:
-            if name != BODY and name not in self.garments:
-                raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
+            if name != BODY:
+                self._check_garment(name)
             # As text, since paths take longer to join than files to open.
             single = f"{self.folder}/{EXTRAS}/{name}.f32"
             half = f"{self.folder}/{EXTRAS if name == BODY else '.'}/{name}.pc16"
@@ -422,7 +445,7 @@ class Sample:
                     f"{half}: no such file, expected this file or a body model for gender"
                     f" {self.gender}"
                 )
-            cache = PointCache(half)
+            cache = PointCache(half, self._rest_count(name))
             if os.path.isfile(single):
                 # The header of the half-precision cache saves parsing the OBJ for its vertices.
                 count = cache.vertex_count

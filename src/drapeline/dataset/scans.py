@@ -283,7 +283,8 @@ def read_frames(path: str | Path) -> list[Scan]:
     """
     path = Path(path)
     if path.is_dir():
-        files = sorted((p for p in path.iterdir() if p.suffix in SUFFIXES), key=_natural_sort_key)
+        shown = (file for file in path.iterdir() if not file.name.startswith("."))
+        files = sorted((f for f in shown if f.suffix in SUFFIXES), key=_natural_sort_key)
         if not files:
             raise InputError(f"{path}: contains no {', '.join(SUFFIXES)}, expected one per frame")
         scans = {str(file): _read_frame(file) for file in files}
@@ -302,7 +303,8 @@ def read_frames(path: str | Path) -> list[Scan]:
 def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
     """Sort frame 10 after frame 9."""
     return [
-        (int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)
+        (int(part), "") if part.isdecimal() else (-1, part)
+        for part in re.split(r"(\d+)", path.name)
     ]
 
 
@@ -367,8 +369,7 @@ def _read_frame(path: Path) -> Scan:
         if re.search(r"^f\s", text, re.MULTILINE):
             mesh = load_obj(path)
             return Scan(mesh.vertices, mesh.triangles)
-    if path.suffix == ".ply":
-        _check_ply(path)
+    declared = _ply_counts(path) if path.suffix == ".ply" else {}
     import trimesh  # here, because no other scans than users' files need it
 
     with refuse_damage(path, path.suffix[1:]):
@@ -376,22 +377,31 @@ def _read_frame(path: Path) -> Scan:
         vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
         triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
         labels = _ply_labels(geometry)
+    for name, found in (("vertex", len(vertices)), ("face", len(triangles))):
+        if found < declared.get(name, 0):  # polygons become several triangles
+            raise InputError(
+                f"{path}: names {declared[name]} elements of '{name}' and holds {found}, expected"
+                " all of them: the file may be cut off"
+            )
     return Scan(vertices, triangles if len(triangles) else None, labels)
 
 
-_PLY_ELEMENT = re.compile(rb"element[ \t]+\S+[ \t]+(\S+)")
+_PLY_ELEMENT = re.compile(rb"element[ \t]+(\S+)[ \t]+(\S+)")
 
 
-def _check_ply(path: Path) -> None:
-    """Compare counts of elements with the file's size: trimesh takes memory as they say."""
+def _ply_counts(path: Path) -> dict[str, int]:
+    """Declared counts of elements; at most the size in bytes: trimesh takes memory for all."""
     with refuse_damage(path, "ply"), open(path, "rb") as stream:
         head = stream.read(1 << 16)
     size = path.stat().st_size
-    for count in _PLY_ELEMENT.findall(head[: head.find(b"end_header")]):
+    counts = {}
+    for name, count in _PLY_ELEMENT.findall(head[: head.find(b"end_header")]):
         if not count.isdigit() or len(count) > 18 or int(count) > size:
             raise InputError(
                 f"{path}: names {count.decode('latin-1')} elements in {size} bytes, expected fewer"
             )
+        counts[name.decode("latin-1")] = int(count)
+    return counts
 
 
 def _ply_labels(geometry: Any) -> np.ndarray | None:

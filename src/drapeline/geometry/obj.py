@@ -33,20 +33,40 @@ def _format_rows(form: str, rows: np.ndarray) -> str:
 def load_obj(path: str | Path) -> Mesh:
     """Read the `v`, `vt` and `f` lines of an OBJ file; all other lines are ignored.
 
-    Faces of mixed sizes, or of more than four corners, are split into fans of triangles without
-    texture coordinates.
+    A backslash at a line's end continues it. Faces of mixed sizes, or of more than four corners,
+    are split into fans of triangles without texture coordinates.
 
     Raises:
-        InputError: the file is missing, lacks vertices or faces, holds a line that is not OBJ, or
-            a face names a vertex that does not exist.
+        InputError: the file is missing, lacks vertices or faces, is UTF-16, holds a line that is
+            not OBJ or a number that single precision cannot hold, has a face that names a vertex
+            that does not exist, or ends within a line.
     """
     path = Path(path)
     if not path.is_file():
         raise DamagedFile(path, "no such file, expected a Wavefront OBJ")
     with refuse_damage(path, "a Wavefront OBJ"):
-        text = path.read_text(errors="replace")
-    mesh = _parse_tidy(text)
-    return _parse_lines(path, text) if mesh is None else mesh
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    if "\0" in text:
+        raise DamagedFile(path, "holds zero bytes, expected a Wavefront OBJ in UTF-8 or ASCII")
+    text = _CONTINUED.sub(" ", text)
+    _refuse_cut(path, text)
+    with np.errstate(over="ignore"):  # refused below
+        mesh = _parse_tidy(text)
+        mesh = _parse_lines(path, text) if mesh is None else mesh
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    if not finite.all():
+        raise DamagedFile(path, f"vertex {finite.argmin() + 1} is not finite, expected metres")
+    return mesh
+
+
+def _refuse_cut(path: Path, text: str) -> None:
+    """Refuse a file whose last line has no end and fewer fields than all others of its kind."""
+    if text.endswith("\n"):
+        return
+    *lines, last = (line.split() for line in text.splitlines() or [""])
+    sizes = {len(line) for line in lines if last and line[:1] == last[:1]}
+    if len(sizes) == 1 and len(last) < max(sizes):
+        raise DamagedFile(path, f"ends within line {len(lines) + 1}, expected the rest of it")
 
 
 _NUMBER = r" -?\d+\.\d+"
@@ -61,6 +81,7 @@ _TIDY = re.compile(
     + ")",
     re.ASCII,
 )
+_CONTINUED = re.compile(r"\\[ \t]*\r?\n")
 _LONG_NUMBER = re.compile(r"\d{19}")  # more than 64 bits hold
 _SEPARATE_CORNERS = str.maketrans("f/", "  ")
 

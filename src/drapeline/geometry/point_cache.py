@@ -19,8 +19,10 @@ import os
 import struct
 from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
+from weakref import WeakSet
 
 import numpy as np
 
@@ -114,9 +116,14 @@ def write_point_cache(path: str | Path, frames: np.ndarray | Iterable[np.ndarray
     return writer.frame_count
 
 
+_KEPT_OPEN: WeakSet[FileIO] = WeakSet()
+_MOST_OPEN = 400  # systems give a process as few as 1,024 handles
+
+
 class PointCache:
     """Frames of one cache file, read on demand by position (no seeking, no whole-file reads).
 
+    The first few hundred of a process keep their files open, the others open them to read.
     One object may be shared by threads and by forked processes, and can be pickled.
     """
 
@@ -133,10 +140,10 @@ class PointCache:
         """
         self.path = Path(path)
         self._dtype = _dtype_of(self.path)
-        with refuse_damage(self.path, "a point cache"):
-            self._stream = open(self.path, "rb", buffering=0)  # noqa: SIM115 -- lives as long as self
-        size = os.fstat(self._stream.fileno()).st_size
-        self.vertex_count, self.frame_count, self._start = self._layout(size, vertex_count)
+        self._stream: FileIO | None = self._open()
+        handle = self._stream.fileno()
+        size = os.fstat(handle).st_size
+        self.vertex_count, self.frame_count, self._start = self._layout(handle, size, vertex_count)
         self._frame_bytes = self.vertex_count * 3 * self._dtype.itemsize
         expected = self._start + self.frame_count * self._frame_bytes
         if size != expected:
@@ -150,8 +157,17 @@ class PointCache:
                 f"{self.path}: {self.vertex_count} vertices per frame, expected {vertex_count}"
                 " as in the mesh beside it"
             )
+        if len(_KEPT_OPEN) < _MOST_OPEN:
+            _KEPT_OPEN.add(self._stream)
+        else:
+            self._stream.close()
+            self._stream = None
 
-    def _layout(self, size: int, vertex_count: int | None) -> tuple[int, int, int]:
+    def _open(self) -> FileIO:
+        with refuse_damage(self.path, "a point cache"):
+            return FileIO(self.path)
+
+    def _layout(self, handle: int, size: int, vertex_count: int | None) -> tuple[int, int, int]:
         """Vertices, frames and the byte at which the first frame starts."""
         if self.path.suffix == ".f32":
             if not vertex_count:
@@ -162,7 +178,7 @@ class PointCache:
             raise DamagedFile(
                 self.path, f"{size} bytes, expected at least {header.size} for the header"
             )
-        fields = header.unpack(os.pread(self._stream.fileno(), header.size, 0))
+        fields = header.unpack(os.pread(handle, header.size, 0))
         if self.path.suffix == ".mdd":
             frames, vertices = fields
             start = header.size + 4 * frames
@@ -210,16 +226,23 @@ class PointCache:
         buffer = bytearray((stop - start) * self._frame_bytes)
         view, done = memoryview(buffer), 0
         offset = self._start + start * self._frame_bytes
-        while done < len(buffer):
-            got = os.preadv(self._stream.fileno(), [view[done:]], offset + done)
-            if got == 0:
-                raise DamagedFile(self.path, f"ends at byte {offset + done}, while being read")
-            done += got
+        stream = self._stream or self._open()
+        try:
+            while done < len(buffer):
+                got = os.preadv(stream.fileno(), [view[done:]], offset + done)
+                if got == 0:
+                    raise DamagedFile(self.path, f"ends at byte {offset + done}, while being read")
+                done += got
+        finally:
+            if stream is not self._stream:
+                stream.close()
         return buffer
 
     def close(self) -> None:
         """Let go of the file; it is also let go of when nothing refers to the object."""
-        self._stream.close()
+        if self._stream is not None:
+            _KEPT_OPEN.discard(self._stream)
+            self._stream.close()
 
     def __enter__(self) -> "PointCache":
         return self

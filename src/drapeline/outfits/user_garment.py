@@ -1,24 +1,37 @@
 """Garments brought by the user: an OBJ file that lies on the rest body, in place of a template."""
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, boundary_loops, edge_counts, half_edges
+from drapeline.geometry.mesh import (
+    Mesh,
+    boundary_edges,
+    boundary_loops,
+    edge_counts,
+    edge_graph,
+    edges,
+    half_edges,
+)
 from drapeline.geometry.obj import load_obj
+from drapeline.outfits.wearable import check_wearable
 
-_HUGE_M = 5.0  # no garment for a person of 2 m is larger
-_TINY_M = 0.05
-_FAR_M = 0.25
+LOGGER = logging.getLogger("drapeline")
+_LOOSE_SHARE = 0.1  # more are of faces that are not there any more
+_SEAM_M = 1e-5  # between vertices that a seam joins; files round to a hundredth of a millimetre
 
 
 def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
     """Read a user's garment and check that it can be worn.
+
+    Vertices that no face has are dropped and seams, where two edges of the boundary coincide, are
+    joined; the log says so.
 
     Args:
         path: OBJ of all quads or all triangles in metres, Z up, root-relative, on the body's mean
@@ -29,22 +42,12 @@ def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
         The mesh; with a cell of the unit square per face where it has no texture coordinates.
 
     Raises:
-        InputError: the mesh is unreadable, not finite, in other units, away from the body, closed
-            or inconsistently oriented, or has edges with more than two faces.
+        InputError: the mesh is unreadable, in several parts, closed or inconsistently oriented, has
+            edges with more than two faces, or does not lie on the body as if worn.
     """
-    mesh = load_obj(path)
-    if not np.isfinite(mesh.vertices).all():
-        bad = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
-        raise InputError(f"{path}: vertex {bad + 1} is not finite, expected metres")
-    size = float(np.ptp(mesh.vertices, axis=0).max())
-    if not _TINY_M < size < _HUGE_M:
-        unit = ", which looks like centimetres" if size > _HUGE_M else ""
-        raise InputError(
-            f"{path}: the garment is {size:.4g} m long{unit}; expected metres,"
-            f" between {_TINY_M} and {_HUGE_M}"
-        )
+    mesh = _drop_loose(path, _join_seams(path, load_obj(path)))
     _check_surface(path, mesh)
-    _check_place(path, mesh, rest_body(body, np.zeros(10)))
+    check_wearable(path, mesh, body)
     if mesh.uv is None:
         uv, uv_faces = _atlas(mesh.faces)
         mesh = Mesh(mesh.vertices, mesh.faces, uv, uv_faces)
@@ -119,19 +122,53 @@ def _check_surface(path: str | Path, mesh: Mesh) -> None:
         loops = boundary_loops(mesh.faces)
     except ValueError as error:
         raise InputError(f"{path}: {error}; expected separate openings") from error
+    parts, _ = connected_components(edge_graph(edges(mesh.faces), len(mesh.vertices)), False)
+    if parts > 1:
+        raise InputError(
+            f"{path}: {parts} parts that no edge joins, expected one, or parts whose edges coincide"
+            " along seams"
+        )
     if not loops:
         raise InputError(f"{path}: a closed surface, expected openings for the body")
 
 
-def _check_place(path: str | Path, mesh: Mesh, body: np.ndarray) -> None:
-    distance, _ = KDTree(body).query(mesh.vertices)
-    if distance.min() > _FAR_M:
-        middle = mesh.vertices.mean(axis=0)
+def _drop_loose(path: str | Path, mesh: Mesh) -> Mesh:
+    used = np.unique(mesh.faces)
+    loose = len(mesh.vertices) - len(used)
+    if not loose:
+        return mesh
+    if loose > _LOOSE_SHARE * len(used):
         raise InputError(
-            f"{path}: the garment is {distance.min():.2f} m from the rest body, its middle at"
-            f" ({middle[0]:.2f}, {middle[1]:.2f}, {middle[2]:.2f}) m; expected it on the body,"
-            f" whose pelvis is at the origin, within {_FAR_M} m"
+            f"{path}: {loose} of {len(mesh.vertices)} vertices are in no face, expected all of"
+            " them: the file may be cut off"
         )
+    LOGGER.warning("%s: %d vertices that are in no face are left out", path, loose)
+    faces = np.searchsorted(used, mesh.faces).astype(np.int32)
+    return Mesh(mesh.vertices[used], faces, mesh.uv, mesh.uv_faces)
+
+
+def _join_seams(path: str | Path, mesh: Mesh) -> Mesh:
+    """Let faces share vertices along boundary edges that coincide."""
+    pairs = boundary_edges(mesh.faces)
+    ends = np.unique(pairs)
+    same = KDTree(mesh.vertices[ends]).query_pairs(_SEAM_M, output_type="ndarray")
+    if not len(same):
+        return mesh
+    _, place = connected_components(edge_graph(same, len(ends)), directed=False)
+    at = np.sort(place[np.searchsorted(ends, pairs)], axis=1)
+    _, which, counts = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    seam = np.unique(pairs[(counts[which.ravel()] == 2) & (at[:, 0] != at[:, 1])])
+    if not len(seam):
+        return mesh
+    target = np.arange(len(mesh.vertices))
+    places = place[np.searchsorted(ends, seam)]
+    first, back = np.unique(places, return_index=True)
+    target[seam] = seam[back][np.searchsorted(first, places)]
+    joined = int((target != np.arange(len(target))).sum())
+    LOGGER.warning("%s: joined along seams, where %d vertices coincide with others", path, joined)
+    kept = np.setdiff1d(np.arange(len(target)), seam[target[seam] != seam])
+    faces = np.searchsorted(kept, target[mesh.faces]).astype(np.int32)
+    return Mesh(mesh.vertices[kept], faces, mesh.uv, mesh.uv_faces)
 
 
 def _atlas(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -38,6 +38,7 @@ _SETTINGS: dict[Any, Any] = {
     # Text stays text, which can be searched and selected.
     "svg.fonttype": "none",
     "svg.hashsalt": "drapeline",
+    "text.parse_math": False,  # names hold dollars
 }
 
 

@@ -198,6 +198,7 @@ def _plot(path: str | Path, jobs: Table) -> None:
             )
         job.set_xscale("log")
         job.xaxis.set_major_formatter("{x:g}")
+        job.xaxis.set_minor_formatter("")
         job.set_xlabel("Each job (s)")
         memory.barh(places, times["peak_memory_mb"].fillna(0), color=GREEN, height=0.68)
         memory.set_xlabel("Peak memory of a job (MB)")

@@ -75,3 +75,8 @@ def test_the_card_says_whether_cloth_lay_on_a_floor(tmp_path, toy_body):
     for floor, what in ((False, "the body, with itself"), (True, "the body, with the floor, with")):
         attempt["floor"] = floor
         assert what in dataset_card([record], NO_TABLES).replace("\n", " ")
+
+
+def test_values_of_tables_are_text():
+    rows = [{"action": "<b onclick='x()'>walk\n\n| <script>"}]
+    assert markdown_table(rows).splitlines()[2:] == ["| &lt;b onclick='x()'>walk \\| &lt;script> |"]

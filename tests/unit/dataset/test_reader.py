@@ -249,10 +249,28 @@ def test_frames_that_do_not_match_the_poses_are_refused(original):
         Sample(original).vertices("Skirt")
 
 
+def test_frames_of_another_garment_are_refused(original):
+    shutil.copy(original / "Tshirt.pc16", original / "Skirt.pc16")
+    with pytest.raises(InputError, match=r"Skirt.pc16: \d+ vertices per frame, expected \d+ as in"):
+        Sample(original).vertices("Skirt")
+
+
+def test_positions_that_are_no_numbers_are_refused(original):
+    data = bytearray((original / "Skirt.pc16").read_bytes())
+    data[-2:] = np.float16(np.nan).tobytes()
+    (original / "Skirt.pc16").write_bytes(data)
+    sample = Sample(original)
+    sample.vertices("Skirt", 0, 1)
+    with pytest.raises(DamagedFile, match="Skirt.pc16: a position is not finite"):
+        sample.vertices("Skirt")
+
+
 def test_wrong_names_and_ranges_are_told(tiny, toy_body):
     sample = Sample(tiny.folder, bodies={"female": toy_body})
     with pytest.raises(KeyError, match="no garment Dress, only Tshirt, Skirt"):
         sample.vertices("Dress")
+    with pytest.raises(KeyError, match="no garment ../00001/Skirt, only Tshirt, Skirt"):
+        sample.mesh("../00001/Skirt")
     with pytest.raises(IndexError, match=r"within \[0, 6\)"):
         sample.vertices("Skirt", 0, 7)
     with pytest.raises(IndexError, match=r"within \[0, 6\)"):

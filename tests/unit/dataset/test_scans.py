@@ -218,6 +218,34 @@ def test_bad_body_parameters_are_refused(tmp_path, truth, bodies):
         read_scans(tmp_path / "scan.npz", tmp_path / "none.npz", bodies)
 
 
+@pytest.mark.parametrize("lost", [100, 450])
+def test_a_ply_with_fewer_rows_than_declared_is_refused(tmp_path, toy_body, lost):
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    mesh = trimesh.Trimesh(toy_body.v_template, toy_body.faces, process=False)
+    mesh.export(folder / "0.ply", encoding="ascii")
+    assert len(read_frames(folder)[0].triangles) == len(toy_body.faces)
+    rows = (folder / "0.ply").read_text().splitlines()
+    (folder / "0.ply").write_text("\n".join(rows[:-lost]) + "\n")
+    with pytest.raises(InputError, match="0.ply: names .* elements of 'face' and holds .*cut off"):
+        read_frames(folder)
+
+
+def test_a_ply_with_fewer_points_than_declared_is_refused(tmp_path, truth):
+    folder = save_clouds(tmp_path / "scan", truth[2][:1], encoding="ascii")
+    rows = (folder / "frame_8.ply").read_text().splitlines()
+    (folder / "frame_8.ply").write_text("\n".join(rows[:-30]) + "\n")
+    with pytest.raises(InputError, match=r"frame_8\.ply"):
+        read_frames(folder)
+
+
+def test_hidden_files_are_no_frames_and_any_name_is_read(tmp_path, truth):
+    folder = save_clouds(tmp_path / "scan", truth[2][:2])
+    (folder / "._frame_8.ply").write_bytes(b"of another system")
+    (folder / "frame_8.ply").rename(folder / "1²2.ply")
+    assert len(read_frames(folder)) == 2
+
+
 def test_bad_folders_and_files_are_refused(tmp_path, truth):
     with pytest.raises(InputError, match="nowhere: no such folder"):
         read_frames(tmp_path / "nowhere")

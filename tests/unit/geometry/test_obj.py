@@ -104,3 +104,37 @@ def test_indices_are_checked_before_they_are_narrowed(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(DamagedFile, match=rf"a\.obj: .*{message}"):
         load_obj(path)
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xef\xbb\xbf" + TRIANGLE.encode(),
+        TRIANGLE.replace("2 3", "\\\n2 \\\n3").encode(),
+        TRIANGLE.replace("2 3", "\\\r\n2 3").encode(),
+        TRIANGLE.rstrip().encode(),
+    ],
+)
+def test_a_byte_order_mark_and_continued_lines_are_read(tmp_path, data):
+    (tmp_path / "a.obj").write_bytes(data)
+    mesh = load_obj(tmp_path / "a.obj")
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (TRIANGLE.encode("utf-16"), "zero bytes, expected a Wavefront OBJ in UTF-8"),
+        (TRIANGLE.replace("v 1", "v nan").encode(), "vertex 2 is not finite"),
+        (TRIANGLE.replace("v 1", "v 1e39").encode(), "vertex 2 is not finite"),
+        (2 * TRIANGLE.encode() + b"f 1 2", "ends within line 9"),
+    ],
+)
+def test_what_single_precision_or_text_cannot_hold_is_refused(tmp_path, data, message):
+    (tmp_path / "a.obj").write_bytes(data)
+    with pytest.raises(DamagedFile, match=message):
+        load_obj(tmp_path / "a.obj")

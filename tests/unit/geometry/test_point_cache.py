@@ -157,3 +157,18 @@ def test_any_range_equals_the_slice_of_the_whole(tmp_path_factory, count, vertic
     start, stop = sorted(rng.integers(0, count + 1, 2))
     with PointCache(path, vertices) as cache:
         np.testing.assert_array_equal(cache.frames(start, stop), cache.frames()[start:stop])
+
+
+def test_more_caches_are_open_than_a_process_has_handles(tmp_path, frames):
+    path = tmp_path / "a.pc2"
+    write_point_cache(path, frames)
+    resource = pytest.importorskip("resource")
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(most[0], 1024), most[1]))
+    try:
+        caches = [PointCache(path) for _ in range(2000)]
+        for cache in caches:
+            np.testing.assert_array_equal(cache.frames(3, 4), frames[3:4])
+            cache.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, most)

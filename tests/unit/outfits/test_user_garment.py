@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh
+from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.geometry.mesh import Mesh, boundary_loops, faces_within, vertex_normals
 from drapeline.geometry.obj import save_obj
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.generate import sample_outfit
@@ -132,16 +135,105 @@ def test_trousers_have_no_bottom_but_legs(tmp_path):
     np.testing.assert_array_equal(rims("mine.obj", mesh, [], 0.02), 0)
 
 
-def test_centimetres_are_recognised(tmp_path, skirt, toy_body):
-    path = saved(tmp_path, skirt, vertices=skirt.vertices * 100)
-    with pytest.raises(InputError, match=r"mine\.obj.* 60 m long.*centimetres.*expected metres"):
+def shirt(body, lowered_deg=0.0):
+    """A part of a body's surface, a little larger: a shirt with sleeves to the elbows."""
+    pose = REST_POSE.copy()
+    for joint, sign in (("left_shoulder", -1), ("right_shoulder", 1)):
+        pose[3 * JOINT_NAMES.index(joint) + 2] = sign * np.deg2rad(lowered_deg)
+    posed, _ = posed_vertices(body, np.zeros(10), pose[None])
+    parts = ["spine1", "spine2", "spine3"]
+    parts += [f"{side}_{part}" for side in ("left", "right") for part in ("collar", "shoulder")]
+    covered = np.isin(body.segmentation, [JOINT_NAMES.index(part) for part in parts])
+    faces = faces_within(body.faces, covered)
+    points = posed[0] + 0.015 * vertex_normals(posed[0], body.faces)
+    used = np.unique(faces)
+    return Mesh(points[used].astype(np.float32), np.searchsorted(used, faces).astype(np.int32))
+
+
+Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # its columns are X, Y and Z in such a file
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda points: points @ Y_UP, "turned by 90 degrees about X"),
+        (lambda points: points @ Y_UP.T, "turned by -90 degrees about X"),
+        (lambda points: points[:, [1, 0, 2]] * [-1, 1, 1], "turned by -90 degrees about Z"),
+        (lambda points: points + [1.5, 0, 0], r"moved by \(-1.50, "),
+        (lambda points: points * 0.5, "scaled by about 2"),
+        (lambda points: points * 100, "its unit is centimetres"),
+        (lambda points: points / 0.0254, "its unit is inches"),
+        (lambda points: points * 1000, "its unit is millimetres"),
+        (lambda points: points @ Y_UP * 100, "about X and its unit is centimetres"),
+    ],
+)
+def test_what_would_mend_a_wrong_axis_place_or_scale_is_said(tmp_path, toy_body, change, words):
+    mesh = shirt(toy_body)
+    load_user_garment(saved(tmp_path, mesh), toy_body)
+    with pytest.raises(InputError, match=rf"mine\.obj: .*it fits if .*{words}"):
+        load_user_garment(saved(tmp_path, mesh, vertices=change(mesh.vertices)), toy_body)
+
+
+def test_a_skirt_for_a_body_with_its_feet_at_zero_is_told_the_floor(tmp_path, skirt, toy_body):
+    floor = rest_body(toy_body, np.zeros(10))[:, 2].min()
+    path = saved(tmp_path, skirt, vertices=skirt.vertices - [0, 0, floor])
+    with pytest.raises(InputError, match=rf"fits if moved by \(0.00, 0.00, {floor:.2f}\) m"):
         load_user_garment(path, toy_body)
 
 
-def test_a_garment_away_from_the_body_is_refused(tmp_path, skirt, toy_body):
-    path = saved(tmp_path, skirt, vertices=skirt.vertices + np.float32([0, 0, 3]))
-    with pytest.raises(InputError, match=r"mine\.obj.* m from the rest body.*expected it on"):
+def test_sleeves_beside_the_arms_are_refused_with_their_pose(tmp_path, toy_body):
+    path = saved(tmp_path, shirt(toy_body, lowered_deg=50))
+    with pytest.raises(
+        InputError, match="left arm passes through no opening.*arms are raised by about [45]0 deg"
+    ):
         load_user_garment(path, toy_body)
+
+
+def test_an_opening_that_nobody_passes_may_be_there(tmp_path, skirt, toy_body):
+    # A window of 3 x 3 faces at the back.
+    rows, around = np.divmod(np.arange(len(skirt.faces)), 32)
+    window = (abs(rows - 4) < 2) & (abs(around - 8) < 2)
+    mesh = load_user_garment(saved(tmp_path, skirt, faces=skirt.faces[~window]), toy_body)
+    assert len(boundary_loops(mesh.faces)) == 3
+
+
+def test_vertices_without_faces_are_left_out(tmp_path, skirt, toy_body, caplog):
+    strays = np.float32([[0, 0, -1], [5, 5, 5]])
+    path = saved(tmp_path, skirt, vertices=np.concatenate([strays, skirt.vertices]))
+    save_obj(path, Mesh(np.concatenate([strays, skirt.vertices]), skirt.faces + 2))
+    mesh = load_user_garment(path, toy_body)
+    np.testing.assert_array_equal(mesh.faces, skirt.faces)
+    assert len(mesh.vertices) == len(skirt.vertices)
+    assert "2 vertices that are in no face" in caplog.text
+
+
+def test_a_file_that_lacks_faces_is_refused(tmp_path, skirt, toy_body):
+    path = saved(tmp_path, skirt, faces=skirt.faces[:100])
+    with pytest.raises(InputError, match="are in no face.*cut off"):
+        load_user_garment(path, toy_body)
+
+
+def panels(mesh):
+    """Front and back of a mesh, each with vertices of its own."""
+    front = mesh.vertices[mesh.faces, 1].mean(axis=1) < 0
+    sheets = [mesh.faces[front], mesh.faces[~front]]
+    points = [mesh.vertices[np.unique(sheet)] for sheet in sheets]
+    faces = [np.searchsorted(np.unique(sheet), sheet) for sheet in sheets]
+    return joined(*zip(points, faces, strict=True))
+
+
+def test_panels_are_joined_along_their_seams(tmp_path, skirt, toy_body, caplog):
+    mesh = load_user_garment(saved(tmp_path, panels(skirt)), toy_body)
+    assert len(mesh.vertices) == len(skirt.vertices)
+    assert sorted(map(len, boundary_loops(mesh.faces))) == [32, 32]
+    assert "joined along seams" in caplog.text
+
+
+def test_parts_that_no_seam_joins_are_counted(tmp_path, skirt, toy_body):
+    apart = panels(skirt)
+    apart.vertices[len(apart.vertices) // 2 :] += np.float32([0, 0.01, 0])
+    with pytest.raises(InputError, match="2 parts that no edge joins, expected one"):
+        load_user_garment(saved(tmp_path, apart), toy_body)
 
 
 def test_non_manifold_edges_are_named(tmp_path, skirt, toy_body):

@@ -37,3 +37,9 @@ def test_an_empty_plot_says_why_and_has_no_axes(tmp_path):
         show_message(axes, "Nothing yet")
         assert not axes.axison
     assert "Nothing yet" in (tmp_path / "a.svg").read_text()
+
+
+def test_dollars_and_braces_of_a_name_are_text(tmp_path):
+    with saved_figure(tmp_path / "a.svg") as (_, (axes,)):
+        axes.barh(["$$ walk $\\x$"], [1.0])
+    assert "$$ walk $\\x$" in (tmp_path / "a.svg").read_text()

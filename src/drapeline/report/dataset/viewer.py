@@ -145,8 +145,8 @@ def _about(meta: dict[str, Any]) -> list[str]:
 
 def _write(path: str | Path, header: dict[str, Any], blob: bytes) -> int:
     template = Path(__file__).with_name("viewer.html").read_text()
-    # "</" would end the script element that holds the header.
-    text = json.dumps(header, allow_nan=False).replace("</", "<\\/")
+    # "</" would end the script element that holds the header, "<!--<script>" keep it open.
+    text = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
     page = (
         template.replace("{{title}}", escape(header["title"]))
         .replace("{{header}}", text)

@@ -154,3 +154,11 @@ def test_text_cannot_leave_the_header(tmp_path, dataset):
     text, header, _ = read_page(tmp_path / "x.html")
     assert header["title"] == "</script><b>"
     assert "<title>&lt;/script&gt;&lt;b&gt;</title>" in text
+
+
+def test_what_a_label_says_leaves_the_script_element_closed(tmp_path):
+    viewer._write(tmp_path / "x.html", {"title": "t", "lines": ["<!--<script>"]}, b"")
+    text = (tmp_path / "x.html").read_text()
+    assert "<!--<script" not in text
+    header = json.loads(re.search(r'id="header">(.*?)</script>', text, re.DOTALL).group(1))
+    assert header["lines"] == ["<!--<script>"]

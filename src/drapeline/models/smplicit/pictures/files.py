@@ -4,21 +4,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drapeline.errors import InputError
-from drapeline.storage import read_json
+from drapeline.storage import check_name, read_json
 
 
 def picture_files(paths: Sequence[str | Path]) -> list[Path]:
-    """The JSON files of pictures: those named, and all in folders that are named.
+    """The JSON files of pictures: those named, and all in folders that are named but hidden ones.
 
     Raises:
-        InputError: there is none, or two of them have one name.
+        InputError: there is none, two of them have one name, or a name may not become part of
+            paths, see `storage.NAME_RULE`.
     """
     found: dict[str, Path] = {}
     for path in map(Path, paths):
-        files = sorted(path.glob("*.json")) if path.is_dir() else [path]
+        files = sorted(path.glob("[!.]*.json")) if path.is_dir() else [path]
         if not files:
             raise InputError(f"{path}: contains no .json, expected one per picture")
         for file in files:
+            check_name(file.name.removesuffix(".json"), f"{file}: the picture's name")
             if file.stem in found:
                 raise InputError(
                     f"{file}: a picture of that name is also in {found[file.stem].parent},"

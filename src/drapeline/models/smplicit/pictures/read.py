@@ -215,6 +215,8 @@ def _object(path: Path, value: Any, name: str) -> dict[str, Any]:
     return value
 
 
+_LOSSY = ("JPEG", "JPEG2000", "MPO")
+_OPAQUE = 127  # of 255
 _LABEL = re.compile(r"[0-9]{1,9}")
 
 
@@ -237,7 +239,10 @@ def _labels(path: Path, given: Mapping[str, Any]) -> dict[int, str]:
 
 
 def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> np.ndarray:
-    """(H, W) labels of a grey or palette image or an `.npy`, or (H, W, 3) colours."""
+    """(H, W) labels of a grey or palette image or an `.npy`, or (H, W, 3) colours.
+
+    Of a mask that is cut out (H, W) bool, where it is opaque.
+    """
     name = given.get(key)
     if not isinstance(name, str):
         raise InputError(f"{path}: {where}'{key}' is {name!r}, expected the name of an image")
@@ -248,6 +253,15 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         # From memory, where a chunk that is said to be longer than the file takes no room.
         with Image.open(BytesIO(file.read_bytes())) as image:
+            if key != "photo" and image.format in _LOSSY:
+                raise InputError(
+                    f"{path}: {where}'{key}' is {name}, a {image.format}, which changes labels;"
+                    " expected a PNG or an .npy"
+                )
+            if key == "mask" and image.has_transparency_data:
+                opaque = np.asarray(image.convert("RGBA"))[..., 3] > _OPAQUE
+                if not opaque.all():
+                    return opaque
             return np.asarray(
                 image if image.mode in ("L", "P", "I;16", "I") else image.convert("RGB")
             )
@@ -286,6 +300,11 @@ def _masks(
     if given.get("instances") is not None:
         image = _image(path, given, "instances")
         _check_size(path, f"image of instances, {given['instances']},", image, shape)
+        if image.ndim != 2:
+            raise InputError(
+                f"{path}: the image of instances, {given['instances']}, has colours, expected one"
+                " number per pixel (a grey or palette image)"
+            )
         numbers = [one.get("instance") for one in people]
         for index, number in enumerate(numbers, 1):
             if not isinstance(number, int) or number < 1 or not (image == number).any():

@@ -28,6 +28,20 @@ def test_pictures_of_one_name_are_refused(tmp_path):
         picture_files([tmp_path / "a", tmp_path / "b"])
 
 
+def test_hidden_files_are_no_pictures(tmp_path):
+    shown = write(tmp_path / "a/street.json")
+    for name in ("._street.json", "..json", "...json"):
+        write(tmp_path / "a" / name)
+    assert picture_files([tmp_path / "a"]) == [shown]
+
+
+@pytest.mark.parametrize("name", ["...json", "..json", "{x}.json", "a b.json", "-x.json"])
+def test_names_that_may_not_become_paths_are_refused(tmp_path, name):
+    path = write(tmp_path / "a" / name)
+    with pytest.raises(InputError, match="the picture's name is .*, expected up to 100 letters"):
+        picture_files([path])
+
+
 def test_folders_without_pictures_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"contains no \.json"):
         picture_files([tmp_path])

@@ -154,3 +154,40 @@ def test_every_garment_type_has_a_class():
         "Jumpsuit": "jumpsuit",
         "Dress": "dress",
     }
+
+
+def test_a_mask_that_is_cut_out_is_where_it_is_opaque(read, given, tmp_path):
+    cut_out = np.full((*SIZE[::-1], 4), 200, np.uint8)
+    cut_out[..., 3] = 0
+    cut_out[20:40, 30:50, 3] = 255
+    Image.fromarray(cut_out).save(tmp_path / "me.png")
+    given["people"][0] |= {"mask": "me.png"}
+    given["people"].append(given["people"][0])
+    one, _ = read(given).people
+    assert one.garments == ("skirt",)
+
+
+def test_an_opaque_mask_is_where_it_has_a_colour(read, given, tmp_path):
+    mask = np.zeros((*SIZE[::-1], 4), np.uint8)
+    mask[20:40, 30:50, :3] = 255
+    mask[..., 3] = 255
+    Image.fromarray(mask).save(tmp_path / "me.png")
+    given["people"][0] |= {"mask": "me.png"}
+    given["people"].append(given["people"][0])
+    one, _ = read(given).people
+    assert one.garments == ("skirt",)
+
+
+@pytest.mark.parametrize("key", ["segmentation", "instances"])
+def test_labels_of_a_lossy_image_are_refused(read, given, tmp_path, key):
+    Image.fromarray(np.ones(SIZE[::-1], np.uint8)).save(tmp_path / "lossy.jpg")
+    given[key] = "lossy.jpg"
+    with pytest.raises(InputError, match=f"'{key}' is lossy.jpg, a JPEG, .*expected a PNG"):
+        read(given)
+
+
+def test_instances_in_colours_are_refused(read, given, tmp_path):
+    Image.fromarray(np.ones((*SIZE[::-1], 3), np.uint8)).save(tmp_path / "people.png")
+    given["instances"] = "people.png"
+    with pytest.raises(InputError, match="people.png, has colours, expected one number per pixel"):
+        read(given)
