@@ -61,10 +61,10 @@ def read_amass(path: str | Path, joint_map: JointMap | None = None) -> Motion:
     kept = 72 if poses.shape[1] == 72 else 66
     full[:, :kept] = poses[:, :kept]
     fps = frame_rate(path, arrays)
-    sizes = REFERENCE_LEG_LENGTH_M / _SMPL_LEG_LENGTH_M
+    scale = REFERENCE_LEG_LENGTH_M / _SMPL_LEG_LENGTH_M
     if trans.shape == (len(poses), 3):
         unit_m = UNITS_M[(joint_map and joint_map.unit) or "m"]
-        trans = (trans * unit_m + _ROOT_JOINT_M) * sizes
+        trans = (trans * unit_m + _ROOT_JOINT_M) * scale
     name = str(path)
     motion = check_motion(Motion(full, trans, fps, "", "", name, Path(path).stem))
     full, trans = explain_poses(full, trans, fps, joint_map, name)
