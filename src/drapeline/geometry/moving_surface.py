@@ -157,12 +157,10 @@ class MovingSurface:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        self._holes = HoleFans(faces, len(vertices))
+        fans, self._hole, self._rim = _close_holes(faces, len(vertices))
         self._open = self._closed = warp_mesh(vertices, faces)
-        if len(self._holes.faces):
-            self._closed = warp_mesh(
-                self._holes.add_centres(vertices), np.concatenate([faces, self._holes.faces])
-            )
+        if len(fans):
+            self._closed = warp_mesh(self._with_centres(vertices), np.concatenate([faces, fans]))
         self._expect(0)
 
     def _expect(self, count: int) -> None:
@@ -176,11 +174,17 @@ class MovingSurface:
             wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
         )
 
+    def _with_centres(self, vertices: np.ndarray) -> np.ndarray:
+        """Vertices (B, 3), and the middles of the holes."""
+        count = np.bincount(self._hole)
+        centres = [np.bincount(self._hole, vertices[self._rim, k]) / count for k in range(3)]
+        return np.concatenate([vertices, np.stack(centres, axis=1)]).astype(np.float32)
+
     def move(self, vertices: np.ndarray) -> None:
         """Take another pose: vertices (B, 3) in metres."""
         move_mesh(self._open, vertices)
         if self._closed is not self._open:
-            move_mesh(self._closed, self._holes.add_centres(vertices))
+            move_mesh(self._closed, self._with_centres(vertices))
 
     def locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) of points (P, 3) to the surface in metres, and whether they are inside.
@@ -229,32 +233,21 @@ class MovingSurface:
         return folded.numpy() > 0
 
 
-class HoleFans:
-    """Triangles that close the holes of a surface, each a fan about the middle of its hole.
+def _close_holes(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fans over the holes of a surface of `count` vertices.
 
-    Args:
-        faces: (F, 3) of the surface.
-        count: of its vertices.
-
-    Attributes:
-        faces: (R, 3) of the fans, whose last corners are the middles, numbered from `count`.
+    Returns:
+        Triangles (R, 3), whose last corners are the middles of the holes, numbered from `count`;
+        the hole (R',) of each vertex on a rim, and these vertices (R',).
     """
-
-    def __init__(self, faces: np.ndarray, count: int) -> None:
-        half = half_edges(faces)
-        _, which = face_edges(faces)
-        rim = half[np.bincount(which.ravel())[which.ravel()] == 1]
-        self._rim, ends = np.unique(rim, return_inverse=True)
-        ends = ends.reshape(rim.shape)
-        graph = sp.coo_matrix(
-            (np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(self._rim),) * 2
-        )
-        self._hole = connected_components(graph, directed=False)[1] if len(rim) else ends[:, 0]
-        middle = count + self._hole[ends[:, 0]]
-        self.faces = np.stack([rim[:, 1], rim[:, 0], middle], axis=1).astype(faces.dtype)
-
-    def add_centres(self, vertices: np.ndarray) -> np.ndarray:
-        """Vertices (V, 3), and the middles of the holes, float32."""
-        count = np.bincount(self._hole)
-        centres = [np.bincount(self._hole, vertices[self._rim, k]) / count for k in range(3)]
-        return np.concatenate([vertices, np.stack(centres, axis=1)]).astype(np.float32)
+    half = half_edges(faces)
+    _, which = face_edges(faces)
+    rim = half[np.bincount(which.ravel())[which.ravel()] == 1]
+    if not len(rim):
+        return np.zeros((0, 3), faces.dtype), np.zeros(0, int), np.zeros(0, int)
+    used, ends = np.unique(rim, return_inverse=True)
+    ends = ends.reshape(rim.shape)
+    graph = sp.coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(used),) * 2)
+    _, hole = connected_components(graph, directed=False)
+    middle = count + hole[ends[:, 0]]
+    return np.stack([rim[:, 1], rim[:, 0], middle], axis=1), hole, used
