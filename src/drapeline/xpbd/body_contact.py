@@ -274,14 +274,43 @@ def _measure_clearance(
         )
 
 
+@wp.struct
+class Planes:
+    """What keeps each vertex off the body: a plane through its anchor that moves in a frame.
+
+    Attributes:
+        anchor: (V,) face of the body, -1 for none.
+        from_place, to_place, from_normal, to_normal: (V, 3) at the frame's two ends.
+        clearance: (V,) room above the anchor at both ends.
+    """
+
+    anchor: wp.array[int]
+    from_place: wp.array[wp.vec3]
+    to_place: wp.array[wp.vec3]
+    from_normal: wp.array[wp.vec3]
+    to_normal: wp.array[wp.vec3]
+    clearance: wp.array[wp.vec2]
+
+
+@wp.func
+def _place_of(planes: Planes, i: int, time: float):
+    return planes.from_place[i] + (planes.to_place[i] - planes.from_place[i]) * time
+
+
+@wp.func
+def _normal_of(planes: Planes, i: int, time: float):
+    # A mean of unit vectors is not longer than 1.
+    return planes.from_normal[i] + (planes.to_normal[i] - planes.from_normal[i]) * time
+
+
+@wp.func
+def _open(planes: Planes, i: int):
+    return wp.min(planes.clearance[i][0], planes.clearance[i][1]) >= _FAR
+
+
 @wp.kernel
 def touch_body(
-    anchor: wp.array[int],
-    from_place: wp.array[wp.vec3],
-    to_place: wp.array[wp.vec3],
-    from_normal: wp.array[wp.vec3],
-    to_normal: wp.array[wp.vec3],
-    clearance: wp.array[wp.vec2],
+    planes: Planes,
     clock: wp.array[float],
     carry: wp.array[wp.vec3],
     gap: float,
@@ -293,21 +322,20 @@ def touch_body(
 ):
     """Push vertices out of the body; those that touch it stick or slide (Coulomb)."""
     i = wp.tid()
-    if anchor[i] < 0:
+    if planes.anchor[i] < 0:
         return
-    way = to_place[i] - from_place[i]
-    here = from_place[i] + way * clock[1]
-    up = from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1]
+    here = _place_of(planes, i, clock[1])
+    up = _normal_of(planes, i, clock[1])
     p = place[i]
-    # Most cloth has room, and is higher above the body: `up`, a mean of unit vectors, is not longer
-    # than 1.
-    if wp.dot(p - here, up) > ROUNDED * gap and wp.min(clearance[i][0], clearance[i][1]) >= _FAR:
+    # Most cloth has room, and is higher above the body.
+    if wp.dot(p - here, up) > ROUNDED * gap and _open(planes, i):
         return
     normal = wp.normalize(up)
     o = before[i]
-    there = from_place[i] + way * clock[0] + carry[0]
+    there = _place_of(planes, i, clock[0]) + carry[0]
     height = wp.dot(p - here, normal)
-    free = clearance[i][0] + (clearance[i][1] - clearance[i][0]) * clock[1]
+    clearance = planes.clearance[i]
+    free = clearance[0] + (clearance[1] - clearance[0]) * clock[1]
     # Another sheet may lie on the other side, and needs as much room as this one.
     least = wp.min(gap, SHARE_OF_CLEARANCE * free)
     most = wp.max(free - 2.0 * gap, 0.5 * free)
@@ -328,12 +356,7 @@ def touch_body(
 
 @wp.kernel
 def stay_off_body(
-    anchor: wp.array[int],
-    from_place: wp.array[wp.vec3],
-    to_place: wp.array[wp.vec3],
-    from_normal: wp.array[wp.vec3],
-    to_normal: wp.array[wp.vec3],
-    clearance: wp.array[wp.vec2],
+    planes: Planes,
     clock: wp.array[float],
     before: wp.array[wp.vec3],
     place: wp.array[wp.vec3],
@@ -343,13 +366,13 @@ def stay_off_body(
     In folds of the body cloth keeps apart from cloth first: there is no room for both.
     """
     i = wp.tid()
-    if anchor[i] < 0 or wp.min(clearance[i][0], clearance[i][1]) < _FAR:
+    if planes.anchor[i] < 0 or not _open(planes, i):
         return
-    here = from_place[i] + (to_place[i] - from_place[i]) * clock[1]
-    up = from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1]
-    if wp.dot(place[i] - here, up) < KEPT_M:
+    from_anchor = place[i] - _place_of(planes, i, clock[1])
+    up = _normal_of(planes, i, clock[1])
+    if wp.dot(from_anchor, up) < KEPT_M:
         normal = wp.normalize(up)
-        lift = normal * wp.max(KEPT_M - wp.dot(place[i] - here, normal), 0.0)
+        lift = normal * wp.max(KEPT_M - wp.dot(from_anchor, normal), 0.0)
         place[i] = place[i] + lift
         before[i] = before[i] + lift
 
@@ -401,13 +424,14 @@ class BodySurface:
         self._reaches, self._again = (wp.zeros(count, dtype=float) for _ in range(2))
         self._on_part, self._found = (wp.zeros(count, dtype=int) for _ in range(2))
         self._found_weights = _vectors(count)
-        self.anchor = wp.full(count, -1, dtype=int)
+        planes = self.planes = Planes()
+        planes.anchor = wp.full(count, -1, dtype=int)
         self.strange = wp.zeros(count, dtype=int)
         self._weights, self._away, self._starts, self._ways = (_vectors(count) for _ in range(4))
-        self.from_place, self.to_place, self.from_normal, self.to_normal = (
+        planes.from_place, planes.to_place, planes.from_normal, planes.to_normal = (
             _vectors(count) for _ in range(4)
         )
-        self.clearance = wp.zeros(count, dtype=wp.vec2)
+        planes.clearance = wp.zeros(count, dtype=wp.vec2)
 
     def _index(self, faces: np.ndarray) -> wp.Mesh:
         """Some of the faces (F', 3) for queries; one far away if there are none."""
@@ -431,8 +455,14 @@ class BodySurface:
     @property
     def anchors(self) -> list[wp.array]:
         """What is known of the nearest points of all vertices, to be kept and put back."""
-        places = [self.from_place, self.to_place, self.from_normal, self.to_normal]
-        return [self.anchor, self.strange, self._weights, self._away, *places]
+        known = [self.planes.anchor, self.strange, self._weights, self._away]
+        return [*known, *self._ends_of_planes]
+
+    @property
+    def _ends_of_planes(self) -> list[wp.array]:
+        """Places and normals of the planes at both ends of the frame."""
+        planes = self.planes
+        return [planes.from_place, planes.to_place, planes.from_normal, planes.to_normal]
 
     def _find_normals(self) -> None:
         wp.launch(
@@ -463,7 +493,7 @@ class BodySurface:
         for mesh in self._meshes:
             mesh.refit()
         last, count = len(self._meshes) - 1, len(place)
-        known = [self.anchor, self._weights, self._away, self.strange]
+        known = [self.planes.anchor, self._weights, self._away, self.strange]
         found = [self._on_part, self._found, self._found_weights]
         wp.launch(
             _choose_reaches,
@@ -493,15 +523,15 @@ class BodySurface:
                 *(self._faces, self._points, self._start, self._end),
                 *(self._start_normals, self._end_normals, clock, place, self._reaches, *found),
             ],
-            outputs=[*known, *(self.from_place, self.to_place, self.from_normal, self.to_normal)],
+            outputs=[*known, *self._ends_of_planes],
         )
 
     def find_clearance(self, clearance_m: float) -> None:
         """Find clearances up to `clearance_m` above the anchors, as a frame begins."""
-        count, surface = len(self.anchor), [self._faces, self._points]
+        count, surface = len(self.planes.anchor), [self._faces, self._points]
         rays = [self._starts, self._ways, self._reaches]
         facing = [self._found, self._found_weights]
-        known = [self.anchor, self._weights]
+        known = [self.planes.anchor, self._weights]
         wp.launch(_aim, dim=count, inputs=[*surface, *known, clearance_m], outputs=rays)
         whole = self._meshes[-1].id
         if self._patches is None:
@@ -514,9 +544,9 @@ class BodySurface:
             dim=count,
             inputs=[
                 *(*surface, self._start, self._end, self._ways, *facing),
-                *(self.from_place, self.to_place, self.from_normal, self.to_normal),
+                *self._ends_of_planes,
             ],
-            outputs=[self.clearance],
+            outputs=[self.planes.clearance],
         )
 
 

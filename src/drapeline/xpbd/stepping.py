@@ -396,12 +396,8 @@ class MovingCloth:
         """Record what it does after contacts with cloth, and while cloth is kept apart."""
         surface, state = self._surface, [self._before, self._place]
         touching = self._gap_m, *self._step_ways_m, self._friction
-        anchored = [
-            *(surface.anchor, surface.from_place, surface.to_place),
-            *(surface.from_normal, surface.to_normal, surface.clearance),
-            self._clock,
-        ]
-        self._stay = record(stay_off_body, len(self._place), anchored, state)
+        planes = [surface.planes, self._clock]
+        self._stay = record(stay_off_body, len(self._place), planes, state)
         launches = [
             record(
                 touch_floor,
@@ -412,7 +408,7 @@ class MovingCloth:
             record(
                 touch_body,
                 len(self._place),
-                anchored,
+                planes,
                 [self._carry, *touching, *state],
             ),
         ]
@@ -480,7 +476,7 @@ class MovingCloth:
 
     def _record_contacts(self, triangles: wp.array, layers: wp.array) -> list[BusyLaunch]:
         """Record what pushes cloth off the body and other cloth, but for the body's own surface."""
-        system, settings, clearance = self._system, self._settings, self._surface.clearance
+        system, settings, clearance = self._system, self._settings, self._surface.planes.clearance
         mass = _numbers(system.inverse_masses)
         moves = self._moves = make_moves(len(self._place) if self._parallel else 0)
         state = [moves, self._before, self._place]
@@ -577,16 +573,16 @@ class MovingCloth:
                 self._step(self._body_every, self._settings.careful_steps)
                 self._keep_apart.most = self._settings.part_sweeps
             vertices, crossing = self._look()
+        rounds = self._settings.untangle_rounds
         with wp.ScopedDevice(self._device):
             self._crossed.take(crossing)
-            for _ in range(self._settings.untangle_rounds * (len(crossing) > 0)):
+            while len(crossing) and rounds:
                 self._untangle.find()
                 for part in self._launches([self._untangle]):
                     part()
                 vertices, crossing = self._look()
                 self._crossed.take(crossing)
-                if not len(crossing):
-                    break
+                rounds -= 1
         self._crossing = crossing
         return vertices
 

@@ -6,7 +6,7 @@ from drapeline.frames import JOINT_NAMES
 from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.body_contact import BodySurface, touch_body
+from drapeline.xpbd.body_contact import BodySurface, Planes, stay_off_body, touch_body
 
 THIGH, PALM = 0, 4
 
@@ -37,8 +37,8 @@ def anchors(tmp_path, parallel):
             reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
             surface.find_anchors(place, strains, clock, **reaches, gap_m=0.004, slack_m=0.002)
         surface.find_clearance(0.045)
-        face = surface.anchor.numpy()[0]
-        find.clearance = surface.clearance.numpy()[0]
+        face = surface.planes.anchor.numpy()[0]
+        find.clearance = surface.planes.clearance.numpy()[0]
         return (None if face < 0 else faces[face][0]), surface.strange.numpy()[0]
 
     return find
@@ -93,7 +93,7 @@ def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path, parallel):
         clock = wp.array(np.float32([time, time]), dtype=float)
         place = vectors([0.01, 0.02, height])
         surface.find_anchors(place, strain, clock, **reaches, gap_m=0.004, slack_m=0.002)
-        found = [a.numpy()[0, 2] for a in (surface.from_place, surface.to_place)]
+        found = [a.numpy()[0, 2] for a in (surface.planes.from_place, surface.planes.to_place)]
         np.testing.assert_allclose(found, ends, atol=1e-6)
 
 
@@ -106,31 +106,25 @@ def between():
     """Heights of vertices between a floor at 0 and a ceiling that leaves this room above it."""
     start_warp()
 
-    def touch(heights, clearance_m, steps=20):
+    def touch(heights, clearance_m, steps=20, *, stay=False):
         place = vectors(*([0, 0, height] for height in heights))
         before = wp.clone(place)
         count = len(heights)
-        up, still = vectors(*[[0, 0, 1]] * count), vectors(*[[0, 0, 0]] * count)
-        anchor = wp.zeros(count, dtype=int)
-        clearance = wp.array(np.full((count, 2), clearance_m, np.float32), dtype=wp.vec2)
-        clock = wp.zeros(2, dtype=float)
-        friction = wp.zeros(count, dtype=float)
-        inputs = [
-            anchor,
-            still,
-            still,
-            up,
-            up,
-            clearance,
-            clock,
-            still,
-            0.004,
-            3e-4,
-            2e-5,
-            friction,
-        ]
+        still = vectors(*[[0, 0, 0]] * count)
+        planes = Planes()
+        planes.anchor = wp.zeros(count, dtype=int)
+        planes.from_place, planes.to_place = still, still
+        planes.from_normal = planes.to_normal = vectors(*[[0, 0, 1]] * count)
+        planes.clearance = wp.array(np.full((count, 2), clearance_m, np.float32), dtype=wp.vec2)
+        clock, friction = wp.zeros(2, dtype=float), wp.zeros(count, dtype=float)
+        touching = [] if stay else [still, 0.004, 3e-4, 2e-5, friction]
         for _ in range(steps):
-            wp.launch(touch_body, count, inputs=inputs, outputs=[before, place])
+            wp.launch(
+                stay_off_body if stay else touch_body,
+                count,
+                inputs=[planes, clock, *touching],
+                outputs=[before, place],
+            )
         np.testing.assert_allclose(place.numpy(), before.numpy(), atol=1e-6)  # without speed
         return place.numpy()[:, 2]
 
@@ -155,3 +149,13 @@ def test_cloth_leaves_room_for_a_sheet_on_the_other_side(between, clearance_m, l
 
 def test_where_nothing_faces_it_cloth_keeps_the_gap_alone(between):
     np.testing.assert_allclose(between([0.001, 0.03], 1000.0), [0.004, 0.03], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("clearance_m", "heights"), [(1000.0, [0.001, 0.001, 0.03]), (0.02, [-0.002, 0.0, 0.03])]
+)
+def test_cloth_that_was_kept_apart_stays_off_the_body_where_nothing_faces_it(
+    between, clearance_m, heights
+):
+    found = between([-0.002, 0.0, 0.03], clearance_m, 1, stay=True)
+    np.testing.assert_allclose(found, heights, atol=1e-6)
