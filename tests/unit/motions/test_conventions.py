@@ -23,20 +23,10 @@ from drapeline.motions.skeleton import (
     poses_from_globals,
     reference_joints,
 )
+from toys.limbs import INDEX, directions
 from toys.motion_files import SMPL_TO_CMU_BVH, write_bvh
 
 CLIPS = Path(__file__).parents[3] / "workflow" / "resources" / "motions"
-INDEX = {name: index for index, name in enumerate(JOINT_NAMES)}
-LIMBS = [
-    (f"{side}_{start}", f"{side}_{end}")
-    for side in ("left", "right")
-    for start, end in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
-]
 TO_Z_UP = {  # turn of a file's world that makes its vertical axis Z
     "Y": Y_UP_TO_Z_UP,
     "Z": np.eye(3),
@@ -92,11 +82,6 @@ def exported(path, dance, *, rig="stands", up="Y", unit=100.0, sides=1.0, called
     return write_bvh(
         path, local, unit * trans @ world.T, names=tuple(names), offsets=unit * offsets, order="ZXY"
     )
-
-
-def directions(joints):
-    bones = np.stack([joints[:, INDEX[b]] - joints[:, INDEX[a]] for a, b in LIMBS], axis=1)
-    return bones / np.linalg.norm(bones, axis=-1, keepdims=True)
 
 
 def apart_deg(motion, dance):

@@ -20,6 +20,7 @@ from drapeline.motions.skeleton import (
     reference_joints,
     rotation_between,
 )
+from toys.limbs import INDEX, directions
 from toys.motion_files import SMPL_TO_CMU_BVH, random_turns, smooth_turns, write_bvh
 
 SIGNS = {"left": 1.0, "right": -1.0}
@@ -77,18 +78,7 @@ def test_an_elbow_that_is_not_quite_a_hinge_has_its_mean_axis():
     assert twists["right_shoulder"] == pytest.approx(-30.0, abs=2.0)
 
 
-INDEX = {name: index for index, name in enumerate(JOINT_NAMES)}
 SAME_NAMES = JointMap("test", {name: name for name in JOINT_NAMES if "hand" not in name})
-LIMBS = [
-    (f"{side}_{start}", f"{side}_{end}")
-    for side in ("left", "right")
-    for start, end in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
-]
 
 
 def rest_offsets(arms_deg: float = 0.0, legs_deg: float = 0.0) -> np.ndarray:
@@ -109,12 +99,6 @@ def take_of(rotations: np.ndarray, offsets: np.ndarray, names=JOINT_NAMES) -> Ta
     positions = chain(PARENTS, rotations, offsets[None])
     times = np.arange(len(rotations)) / 30
     return Take("a.bvh", tuple(names), PARENTS, offsets, rotations, positions, times)
-
-
-def directions(joints: np.ndarray) -> np.ndarray:
-    """(N, limbs, 3) unit vectors along the limbs."""
-    bones = np.stack([joints[:, INDEX[b]] - joints[:, INDEX[a]] for a, b in LIMBS], axis=1)
-    return bones / np.linalg.norm(bones, axis=-1, keepdims=True)
 
 
 @pytest.mark.parametrize("order", ["".join(p) for p in itertools.permutations("XYZ")])
