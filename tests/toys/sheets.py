@@ -54,7 +54,19 @@ def beneath_share(outer, inner, faces):
     return MovingSheet(inner, triangulate(faces)).beneath(outer, 0.03).mean()
 
 
-def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8, floor_m=None):
+def drop(
+    tmp_path,
+    solver,
+    garments,
+    frames,
+    *,
+    path=still,
+    radius=0.1,
+    steps=8,
+    gap_m=GAP_M,
+    floor_m=None,
+    root=None,
+):
     """Vertices (frames, V, 3) of each garment over a ball that moves along a path, and a floor."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=radius)
     cache = tmp_path / "ball.pc2"
@@ -63,7 +75,7 @@ def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8,
     scratch.mkdir(exist_ok=True)
     attempt = Attempt(
         steps,
-        GAP_M,
+        gap_m,
         collider_share=1.0,
         shape_frames=1,
         pose_frames=1,
@@ -72,7 +84,8 @@ def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8,
     )
     with PointCache(cache) as points:
         limbs = np.zeros(len(ball.vertices), dtype=int)
-        body = MovingBody(points, ball.faces, limbs, floor_m=floor_m)
+        roots = None if root is None else np.tile(np.float32(root), (frames, 1))
+        body = MovingBody(points, ball.faces, limbs, floor_m=floor_m, roots=roots)
         cloths = solver.simulate(garments, body, attempt, scratch)
         return [np.stack(cloth) for cloth in zip(*cloths, strict=True)]
 

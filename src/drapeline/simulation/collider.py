@@ -29,6 +29,7 @@ class MovingBody:
         faces: (F, 3) int, outward, of its own vertices.
         segments: (B,) int, the joint that moves each vertex most.
         floor_m: (N,) height of the floor beneath it in each frame; None if there is no floor.
+        roots: (N, 3) float32 positions of the root joint; None if nothing is published.
     """
 
     def __init__(
@@ -38,15 +39,16 @@ class MovingBody:
         segments: np.ndarray,
         vertices: np.ndarray | None = None,
         floor_m: np.ndarray | None = None,
+        roots: np.ndarray | None = None,
     ) -> None:
         """A surface through all vertices of a cache, or through some.
 
         Args:
             frames: world positions in metres; it stays open as long as they are asked for.
             vertices: (B,) int, those of the cache that are the surface's; all if None.
-            floor_m: see `MovingBody.floor_m`.
+            floor_m, roots: see `MovingBody`.
         """
-        self.faces, self.segments, self.floor_m = faces, segments, floor_m
+        self.faces, self.segments, self.floor_m, self.roots = faces, segments, floor_m, roots
         self._frames = frames
         self._vertices = slice(None) if vertices is None else vertices
 
@@ -69,7 +71,17 @@ class MovingBody:
             self.segments[used],
             np.arange(self._frames.vertex_count)[self._vertices][used],
             self.floor_m,
+            self.roots,
         )
+
+    def publish(self, vertices: np.ndarray, index: int) -> np.ndarray:
+        """What is published of world vertices (V, 3) of a frame; without `roots`, just these."""
+        return vertices if self.roots is None else as_published(vertices - self.roots[index])
+
+
+def as_published(vertices: np.ndarray) -> np.ndarray:
+    """Root-relative vertices as PC16 files have them, in half precision, as float32."""
+    return vertices.astype(np.float16).astype(np.float32)
 
 
 def make_collider(body: MovingBody, garments: Sequence[np.ndarray], share: float) -> MovingBody:

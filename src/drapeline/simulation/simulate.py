@@ -24,7 +24,7 @@ from drapeline.outfits.fabrics import FABRICS, Fabric
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
-from drapeline.simulation.collider import MovingBody, make_collider
+from drapeline.simulation.collider import MovingBody, as_published, make_collider
 from drapeline.simulation.health import (
     HealthMonitor,
     inevitable_violations,
@@ -400,7 +400,10 @@ def _simulate(
             lead = cache.frames(0, attempt.lead_frames)
             cloth_m = min(vertices[:, 2].min() for vertices in placed)
             floor_m = rising_floor(lead[:, :, 2].min(axis=1), cloth_m, len(cache))
-        body = MovingBody(cache, dressed.faces, dressed.body.segmentation, floor_m=floor_m)
+        frames = np.maximum(np.arange(len(cache)) - attempt.lead_frames, 0)
+        roots = motion.trans[frames].astype(np.float32)
+        segments = dressed.body.segmentation
+        body = MovingBody(cache, dressed.faces, segments, floor_m=floor_m, roots=roots)
         garments = [
             _cloth_garment(g, vertices, body, attempt.gap_m)
             for g, vertices in zip(outfit.garments, placed, strict=True)
@@ -411,13 +414,13 @@ def _simulate(
         for frame in progress(cloths, total=len(body), label="cloth"):
             if not all(np.isfinite(cloth).all() for cloth in frame):
                 raise RuntimeError(f"a vertex is not finite {number} frames into the sequence")
-            trans = motion.trans[max(number, 0)].astype(np.float32)
-            relative = [cloth - trans for cloth in frame]
+            root = roots[attempt.lead_frames + number]
+            relative = [cloth - root for cloth in frame]
             if number == -1 and attempt.settle_frames:
                 before = relative
             if number >= 0:
                 surface = body.frame(attempt.lead_frames + number)
-                yield relative, surface - trans, before
+                yield relative, surface - root, before
                 before = None
             number += 1
     if number != len(motion.poses):
@@ -450,11 +453,6 @@ def _cloth_garment(
     )
 
 
-def _as_published(vertices: np.ndarray) -> np.ndarray:
-    """Vertices as PC16 files have them, in half precision, as float32."""
-    return vertices.astype(np.float16).astype(np.float32)
-
-
 def _write_and_measure(
     folder: Path,
     dressed: DressedBody,
@@ -471,7 +469,7 @@ def _write_and_measure(
         for cloths, body, before in frames:
             for writer, cloth in zip(writers, cloths, strict=True):
                 writer.append(cloth)
-            monitor.add([_as_published(cloth) for cloth in cloths], _as_published(body), before)
+            monitor.add([as_published(cloth) for cloth in cloths], as_published(body), before)
             if bounds and inevitable_violations(
                 monitor.arrays(), bounds, len(dressed.motion.poses)
             ):

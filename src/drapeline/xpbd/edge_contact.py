@@ -25,6 +25,8 @@ from drapeline.xpbd.lanes import find_near_edges_in_lanes
 
 wp.set_module_options({"enable_backward": False})
 
+# How far beside a triangle an edge may pass, as a share of its sides or of the edge's length.
+_TOUCH = wp.constant(1.0e-3)
 _SLOTS = 96  # edges that an edge may be near to
 _MEETINGS = 48  # of these, those that it may come to in a step
 
@@ -312,21 +314,22 @@ _LEAST_SLOPE = wp.constant(0.1)  # sine of the angle between an edge and what it
 
 @wp.func
 def _hit(p: wp.vec3, d: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
-    # Where p + t d passes through a triangle: t, and weights of b and c; t is -1 if it does not.
+    # Where p + t d passes through a triangle, or touches it, within rounding: t, and weights of b
+    # and c; t is -1 if it does not.
     normal = wp.cross(ab, ac)
     slope = wp.dot(d, normal)
     if wp.abs(slope) < 1.0e-14:
         return wp.vec3(-1.0, 0.0, 0.0)
     t = wp.dot(a - p, normal) / slope
-    if t < 0.0 or t > 1.0:
+    if t < -_TOUCH or t > 1.0 + _TOUCH:
         return wp.vec3(-1.0, 0.0, 0.0)
     r = p + d * t - a
     square = wp.length_sq(normal)
     u = wp.dot(wp.cross(r, ac), normal) / square
     v = wp.dot(wp.cross(ab, r), normal) / square
-    if u < 0.0 or v < 0.0 or u + v > 1.0:
+    if u < -_TOUCH or v < -_TOUCH or u + v > 1.0 + _TOUCH:
         return wp.vec3(-1.0, 0.0, 0.0)
-    return wp.vec3(t, u, v)
+    return wp.vec3(wp.clamp(t, 0.0, 1.0), u, v)
 
 
 @wp.func
@@ -388,6 +391,7 @@ def untangle(
     triangles: wp.array[wp.vec3i],
     inverse_mass: wp.array[float],
     step: float,
+    seen: wp.array[wp.vec3],  # where they pass through
     moves: Moves,
     before: wp.array[wp.vec3],
     place: wp.array[wp.vec3],
@@ -402,11 +406,11 @@ def untangle(
         i = edges[edge][0]
         j = edges[edge][1]
         c = triangles[crossed[edge, k]]
-        p = place[i]
-        d = place[j] - p
-        a = place[c[0]]
-        ab = place[c[1]] - a
-        ac = place[c[2]] - a
+        p = seen[i]
+        d = seen[j] - p
+        a = seen[c[0]]
+        ab = seen[c[1]] - a
+        ac = seen[c[2]] - a
         hit = _hit(p, d, a, ab, ac)
         if hit[0] >= 0.0:
             e = wp.normalize(d)
@@ -416,7 +420,7 @@ def untangle(
             for side in range(2):
                 other = opposite[edge][side]
                 if other >= 0:
-                    ways += _along(p, e, n, place[other])
+                    ways += _along(p, e, n, seen[other])
             if wp.abs(slope) < _LEAST_SLOPE:
                 slope = wp.sign(slope) * _LEAST_SLOPE
             shift = ways - n * (2.0 * wp.dot(e, ways) / slope)
@@ -431,11 +435,11 @@ def untangle(
             wb = inverse_mass[c[1]] * u
             wc = inverse_mass[c[2]] * v
             shift = shift / (wi * (1.0 - s) + wj * s + wa * w + wb * u + wc * v)
-            move(moves, place, before, i, 1.0 - s, p, shift * wi, shift * wi)
-            move(moves, place, before, j, s, p + d, shift * wj, shift * wj)
-            move(moves, place, before, c[0], w, a, -(shift * wa), -(shift * wa))
-            move(moves, place, before, c[1], u, a + ab, -(shift * wb), -(shift * wb))
-            move(moves, place, before, c[2], v, a + ac, -(shift * wc), -(shift * wc))
+            move(moves, place, before, i, 1.0 - s, place[i], shift * wi, shift * wi)
+            move(moves, place, before, j, s, place[j], shift * wj, shift * wj)
+            move(moves, place, before, c[0], w, place[c[0]], -(shift * wa), -(shift * wa))
+            move(moves, place, before, c[1], u, place[c[1]], -(shift * wb), -(shift * wb))
+            move(moves, place, before, c[2], v, place[c[2]], -(shift * wc), -(shift * wc))
 
 
 class CrossedTriangles:

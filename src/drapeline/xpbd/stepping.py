@@ -244,7 +244,7 @@ class XpbdSettings:
     release_m_s: float = 0.567
     # How fast cloth may slip past the body and still be held, however light the contact is.
     stick_m_s: float = 0.0378
-    untangle_rounds: int = 20  # of moving what passes through cloth at the end of a frame
+    untangle_rounds: int = 40  # of moving what passes through cloth at the end of a frame
     untangle_m_s: float = 0.945  # how fast cloth that passes through cloth is moved, at most
     pin_pull: float = 0.3  # share of the way to where it is held that a pin goes in a small step
 
@@ -296,6 +296,7 @@ class MovingCloth:
         self._tick.launch()
         self._strain = _numbers(np.zeros(len(system.vertices)))
         self._last = wp.clone(self._place)  # a frame ago
+        self._published = wp.clone(self._place)
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
         self._floor_m = wp.zeros(1, dtype=wp.vec2)  # at both ends of the frame
@@ -323,8 +324,9 @@ class MovingCloth:
         # What a frame changes, and how it was when the frame began.
         self._state = [self._place, self._speed, *self._elastic, *self._surface.anchors]
         self._kept = [wp.clone(array) for array in self._state]
-        self._seen = Crossings([g.vertices for g in garments], [g.faces for g in garments])
-        _, self._crossing = self._look()
+        self._crossings = Crossings([g.vertices for g in garments], [g.faces for g in garments])
+        self._frame = 0
+        self._crossing = self._look()
         self._crossed.take(self._crossing)
 
     def _arrange(self) -> None:
@@ -512,11 +514,14 @@ class MovingCloth:
             BusyLaunch(part_triangles, near.near.count, [near.meetings, triangles], apart),
         ]
         covered, crossed = self._covered, self._crossed
-        self._untangle = BusyLaunch(
-            untangle,
-            crossed.count,
-            [crossed.count, crossed.crossed, near_edges.edges, opposite, triangles, mass],
-            [settings.untangle_m_s * self._step_s, *state],
+        self._untangle, self._pull = (
+            BusyLaunch(
+                untangle,
+                crossed.count,
+                [crossed.count, crossed.crossed, near_edges.edges, opposite, triangles, mass],
+                [settings.untangle_m_s * self._step_s, seen, *state],
+            )
+            for seen in (self._place, self._published)
         )
         return [
             BusyLaunch(
@@ -552,6 +557,7 @@ class MovingCloth:
     def start(self, frame: int) -> None:
         """Set out from the frame before to `frame`; a GPU goes on while this returns."""
         with wp.ScopedDevice(self._device):
+            self._frame = frame
             limb_way_m = self._begin(frame)
             for kept, array in zip(self._kept, self._state, strict=True):
                 wp.copy(kept, array)
@@ -564,7 +570,7 @@ class MovingCloth:
         A frame in which more passes through than in the one before is gone through again, with so
         many searches that nothing which comes near is overlooked.
         """
-        vertices, crossing = self._look()
+        crossing = self._look()
         if len(crossing) > len(self._crossing):
             with wp.ScopedDevice(self._device):
                 for kept, array in zip(self._kept, self._state, strict=True):
@@ -572,24 +578,30 @@ class MovingCloth:
                 self._keep_apart.most = self._settings.careful_sweeps
                 self._step(self._body_every, self._settings.careful_steps)
                 self._keep_apart.most = self._settings.part_sweeps
-            vertices, crossing = self._look()
-        rounds = self._settings.untangle_rounds
+            crossing = self._look()
         with wp.ScopedDevice(self._device):
-            self._crossed.take(crossing)
-            while len(crossing) and rounds:
-                self._untangle.find()
-                for part in self._launches([self._untangle]):
-                    part()
-                vertices, crossing = self._look()
-                self._crossed.take(crossing)
-                rounds -= 1
+            crossing = self._pull_apart(crossing)
         self._crossing = crossing
-        return vertices
+        return self._system.split(self._place.numpy().copy())
 
-    def _look(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """Vertices (V, 3) of each garment, and edges that pass through triangles (n, 2)."""
-        vertices = self._system.split(self._place.numpy().copy())
-        return vertices, self._seen.pairs_through(vertices)
+    def _pull_apart(self, crossing: np.ndarray) -> np.ndarray:
+        """Move edges and triangles (n, 2) apart; returns what still passes through in the end."""
+        self._crossed.take(crossing)
+        for _ in range(self._settings.untangle_rounds):
+            if not len(crossing):
+                break
+            self._pull.find()
+            for part in self._launches([self._pull]):
+                part()
+            crossing = self._look()
+            self._crossed.take(crossing)
+        return crossing
+
+    def _look(self) -> np.ndarray:
+        """Edges that pass through triangles (n, 2), of the cloth as it will be published."""
+        published = self._body.publish(self._place.numpy(), self._frame)
+        self._published.assign(published)
+        return self._crossings.pairs_through([published])
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""

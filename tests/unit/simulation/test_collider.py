@@ -112,6 +112,20 @@ def test_a_moving_body_is_read_frame_by_frame(walking):
         np.testing.assert_array_equal(read, written)
 
 
+def test_what_is_published_is_relative_to_the_root_and_in_half_precision(walking, tmp_path):
+    body, frames = walking
+    np.testing.assert_array_equal(body.publish(frames[1], 1), frames[1])
+    roots = np.float32([[0, 0, 0], [0.1, 0.2, 0.3], [1, 2, 3]])
+    with PointCache(tmp_path / "body.pc2") as cache:
+        rooted = MovingBody(cache, body.faces, body.segments, roots=roots)
+        part = rooted.restrict(body.faces[::2])
+    for index, frame in enumerate(frames):
+        exact = frame - roots[index]
+        published = part.publish(frame, index)
+        np.testing.assert_array_equal(published, published.astype(np.float16))
+        np.testing.assert_allclose(published, exact, rtol=2**-11, atol=2**-25)
+
+
 def test_a_part_of_a_part_keeps_places_faces_and_segments(walking):
     body, frames = walking
     half = body.restrict(body.faces[::2])

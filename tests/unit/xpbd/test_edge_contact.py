@@ -172,7 +172,7 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(parallel):
         untangle,
         crossings.count,
         [crossings.count, crossings.crossed, edge, opposite, face, vectors(inverse, float)],
-        [5e-4, moves := make_moves(106 * parallel), before, place],
+        [5e-4, place, moves := make_moves(106 * parallel), before, place],
     )
     left = []
     for _ in range(15):

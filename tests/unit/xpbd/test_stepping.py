@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.outfits.fabrics import FABRICS
+from drapeline.simulation.collider import as_published
 from drapeline.xpbd import system
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import (
@@ -221,6 +223,30 @@ def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):
     assert beneath_share(outer[-1], inner[-1], under.faces) < 0.02
     assert beneath_share(inner[-1], outer[-1], over.faces) > 0.5
     assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
+
+
+def test_sheets_that_rounding_crosses_are_moved_apart(run):
+    """Half precision has steps of 2 mm where the root joint is as far away as this."""
+    root = np.float32([3.1, 2.2, 2.1])
+
+    def held(piece, height):
+        vertices = (piece.vertices + height(*piece.vertices.T)[:, None] * [0, 0, 1]).astype("f4")
+        pins = Held(np.full(len(vertices), 0.5), vertices, still)
+        return replace(piece, vertices=vertices, pins=pins)
+
+    slope = held(sheet(0.0, rows=7, edge_m=0.02), lambda x, y, z: 0.3 * x + 0.2 * y)
+    bowl = held(
+        sheet(2e-4, rows=5, edge_m=0.019), lambda x, y, z: 0.3 * x + 0.2 * y + 2 * (x**2 + y**2)
+    )
+
+    def crossing(**far):
+        cloths = run([slope, bowl], 4, steps=16, path=far_away, gap_m=1e-4, **far)
+        seen = Crossings([slope.vertices, bowl.vertices], [slope.faces, bowl.faces])
+        parts = zip(*cloths, strict=True)
+        return [sum(seen.find([as_published(c - root) for c in part])[1]) for part in parts]
+
+    assert min(crossing()) > 0
+    assert max(crossing(root=root)[1:]) == 0
 
 
 def test_a_fabric_slides_off_the_body_as_far_as_its_friction_lets_it(run):
