@@ -89,6 +89,18 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
+def copied_file(path: str | Path) -> Iterator[Path]:
+    """Yield a path for libraries of C++ to write to, which then is copied by Python to `path`.
+
+    Python says so of a full disk; Alembic's library ends the process, and USD's goes on with what
+    it cannot read back.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        yield Path(scratch) / Path(path).name
+        shutil.copyfile(Path(scratch) / Path(path).name, path)
+
+
+@contextmanager
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder that replaces `path` if the block ends without an error.
 

@@ -33,7 +33,7 @@ def start_warp() -> None:
             heard.seek(0)
             for line in heard:
                 if _NO_DRIVER in line:
-                    LOGGER.info("%s", line.decode().strip())
+                    LOGGER.debug("%s", line.decode().strip())
                 else:
                     os.write(2, line)
 

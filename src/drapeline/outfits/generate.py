@@ -234,7 +234,7 @@ def _from_template(
 
 def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: BodyModel) -> Garment:
     """A user's garment, with float64 vertices."""
-    mesh = load_user_garment(own.path, body)
+    mesh = load_user_garment(own.path, body, mend=own.mend)
     held = own.held
     if held is None:
         held = ("top",) if GARMENT_TYPES[name].region == "lower" else ()

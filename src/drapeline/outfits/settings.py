@@ -27,6 +27,13 @@ class _Worn(Settings):
             "trousers and skirts."
         ),
     )
+    mend: bool = Field(
+        False,
+        description=(
+            "Whether to turn, move or scale the garment where the body could not have it on but "
+            "for that; the log says what was done. Else it is refused."
+        ),
+    )
 
 
 class OwnGarment(_Worn):

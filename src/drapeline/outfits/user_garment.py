@@ -27,7 +27,7 @@ _LOOSE_SHARE = 0.1  # more are of faces that are not there any more
 _SEAM_M = 1e-5  # between vertices that a seam joins; files round to a hundredth of a millimetre
 
 
-def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
+def load_user_garment(path: str | Path, body: BodyModel, *, mend: bool = False) -> Mesh:
     """Read a user's garment and check that it can be worn.
 
     Vertices that no face has are dropped and seams, where two edges of the boundary coincide, are
@@ -37,6 +37,7 @@ def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
         path: OBJ of all quads or all triangles in metres, Z up, root-relative, on the body's mean
             shape in rest pose.
         body: the body it is for.
+        mend: see `check_wearable`.
 
     Returns:
         The mesh; with a cell of the unit square per face where it has no texture coordinates.
@@ -47,7 +48,7 @@ def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
     """
     mesh = _drop_loose(path, _join_seams(path, load_obj(path)))
     _check_surface(path, mesh)
-    check_wearable(path, mesh, body)
+    mesh = check_wearable(path, mesh, body, mend=mend)
     if mesh.uv is None:
         uv, uv_faces = _atlas(mesh.faces)
         mesh = Mesh(mesh.vertices, mesh.faces, uv, uv_faces)
@@ -76,6 +77,29 @@ def openings(mesh: Mesh) -> dict[str, np.ndarray]:
     for name, loops in (("top", middle[:1]), ("bottom", middle[1:][-1:])):
         found[name] = loops
     return {name: np.concatenate(loops) for name, loops in found.items() if loops}
+
+
+_CHEST_M, _THIGH_M = 0.2, -0.25  # above and below the root joint
+_SLEEVE_M = 0.3  # from the middle
+
+
+def garment_type(path: str | Path, body: BodyModel, *, mend: bool = False) -> str:
+    """Which of `GARMENTS` a user's garment is, by what it covers.
+
+    Args:
+        path, body, mend: as for `load_user_garment`.
+
+    Raises:
+        InputError: it cannot be worn.
+    """
+    mesh = load_user_garment(path, body, mend=mend)
+    x, _, z = mesh.vertices.T
+    legs = "legs" in openings(mesh)
+    if z.max() < _CHEST_M:
+        return "Trousers" if legs else "Skirt"
+    if legs or z.min() < _THIGH_M:
+        return "Jumpsuit" if legs else "Dress"
+    return "Tshirt" if np.abs(x).max() > _SLEEVE_M else "Top"
 
 
 def rims(path: str | Path, mesh: Mesh, names: Sequence[str], width_m: float) -> np.ndarray:

@@ -4,8 +4,9 @@ Where they do not, turns, moves, scales and lowered arms are tried, and the erro
 would mend it.
 """
 
+import logging
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, boundary_loops, vertex_normals
 
+LOGGER = logging.getLogger("drapeline")
 _LIMB_M = 0.12  # around the narrowest opening that a limb passes; smaller ones are buttonholes
 _ROOM = 1.5  # openings are taken to be wider, so that a body of other proportions passes as well
 _EDGE = 1e-4  # by which a triangle of a fan reaches over its neighbour, of its own size
@@ -34,8 +36,8 @@ _EXPECTED = (
 _SIDES = ("left", "right")
 
 
-def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel) -> None:
-    """Refuse a garment that the mean body in rest pose cannot have on.
+def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel, *, mend: bool = False) -> Mesh:
+    """Refuse a garment that the mean body in rest pose cannot have on, or mend it.
 
     A limb's bones pass through the openings meant for it, some of the garment is close to the body
     and most of it outside. Openings that nothing passes, such as a low back, are fine unless a turn
@@ -45,6 +47,10 @@ def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel) -> None:
         path: of the garment, for the error.
         mesh: with separate boundary loops.
         body: the one it is for.
+        mend: whether to turn, move or scale it, and say so, where that lets the body wear it.
+
+    Returns:
+        The garment on the body.
 
     Raises:
         InputError: what is wrong, and the turn, move, scale or pose that would mend it.
@@ -54,16 +60,20 @@ def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel) -> None:
     points = mesh.vertices.astype(np.float64)
     found = _fit(points, loops, wearer)
     if not found.problem and found.all_passed:
-        return
+        return mesh
     problem = found.problem or "nothing passes through one of the openings"
-    for alike in _changes(points, body) if found.problem else [_turned(points, wearer)]:
-        fits = [(_fit(changed, loops, who), words) for words, changed, who in alike]
-        fits = [(fit, words) for fit, words in fits if fit.all_passed and not fit.problem]
+    for alike in _changes(points, wearer, body) if found.problem else [_turned(points, wearer)]:
+        fits = [(_fit(changed, loops, who), words, changed, who) for words, changed, who in alike]
+        fits = [one for one in fits if one[0].all_passed and not one[0].problem]
         if fits:
-            _, words = min(fits, key=lambda one: one[0].distance_m)
+            _, words, changed, who = min(fits, key=lambda one: one[0].distance_m)
+            if mend and who is wearer:
+                LOGGER.warning("%s: %s; %s", path, problem, words)
+                return replace(mesh, vertices=changed.astype(mesh.vertices.dtype))
             raise InputError(f"{path}: {problem}, but it fits if {words}; {_EXPECTED}")
     if found.problem:
         raise InputError(f"{path}: {problem}; {_EXPECTED}")
+    return mesh
 
 
 @dataclass(frozen=True)
@@ -207,9 +217,8 @@ _STEP_M = 0.05
 _Change = tuple[str, np.ndarray, _Wearer]
 
 
-def _changes(points: np.ndarray, body: BodyModel) -> Iterator[list[_Change]]:
+def _changes(points: np.ndarray, wearer: _Wearer, body: BodyModel) -> Iterator[list[_Change]]:
     """What may be wrong with a garment, mended: words, vertices and body, the likely ones first."""
-    wearer = _Wearer.of(body)
     turns = _turned(points, wearer)
     turned = [("", points), *((words, vertices) for words, vertices, _ in turns)]
     floor = np.array([0, 0, wearer.vertices[:, 2].min()])

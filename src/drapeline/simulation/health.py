@@ -43,9 +43,19 @@ def watch(garment: Garment) -> HealthGarment:
 class HealthMonitor:
     """Measures frame after frame; keeps numbers only, and the last two frames."""
 
-    def __init__(self, garments: Sequence[HealthGarment], body_faces: np.ndarray) -> None:
-        """Watch garments, from inner to outer, on a body with these faces (F, 3)."""
-        self._faces = body_faces
+    def __init__(
+        self,
+        garments: Sequence[HealthGarment],
+        body_faces: np.ndarray | None,
+        *,
+        fps: float = FPS,
+    ) -> None:
+        """Watch garments, from inner to outer, on a body with these faces (F, 3), if there is one.
+
+        Args:
+            fps: frames per second.
+        """
+        self._faces, self._fps = body_faces, fps
         self._surface: MovingSurface | None = None
         self._sheets: list[MovingSheet] = []
         self._crossings: Crossings | None = None
@@ -64,38 +74,24 @@ class HealthMonitor:
     def add(
         self,
         cloths: Sequence[np.ndarray],
-        body: np.ndarray,
+        body: np.ndarray | None,
         before: Sequence[np.ndarray] | None = None,
     ) -> dict[str, list[float]]:
-        """Measure one frame: measure -> one value per garment.
+        """Measure one frame: measure -> one value per garment; without a body, none of contact.
 
         Args:
             cloths: (V, 3) metres, root-relative, one per garment.
             body: (B, 3) in the same frame.
             before: `cloths` in the frame before the first, if the body stood still then.
         """
-        if not self._carried:
-            self._carried = [_choose_followed(cloth, body) for cloth in cloths]
         crossings = self._crossings_of(cloths)
         crossing, across = crossings.find(cloths)
         row: dict[str, list[float]] = {}
         sheets = self._inner_layers(cloths)
-        surface = self._surface_at(body)
-        distance, inside = surface.locate(np.concatenate(cloths))
-        within = np.flatnonzero(inside)
-        unfolded = within[~surface.in_folds(within, _FOLD_M)]
-        ends = np.cumsum([len(cloth) for cloth in cloths])
+        contact = self._contact(cloths, body) if body is not None else [{} for _ in cloths]
         for g, cloth in enumerate(cloths):
-            first = ends[g] - len(cloth)
-            own = slice(first, ends[g])
-            values = contact_measures(distance[own], inside[own])
-            here = unfolded[(unfolded >= first) & (unfolded < ends[g])]
-            values["inside_open_share"] = len(here) / len(cloth)
-            values["depth_open_m"] = float(distance[here].max(initial=0))
+            values = contact[g]
             values |= stretch(cloth, *self._edges[g])
-            chosen, carrier = self._carried[g]
-            way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
-            values["slip_m"] = float(np.median(way)) if len(way) else 0.0
             values["layer_share"] = max(
                 (float(sheet.beneath(cloth, _LAYER_REACH_M).mean()) for sheet in sheets[:g]),
                 default=0.0,
@@ -106,18 +102,39 @@ class HealthMonitor:
             values["acceleration_m_s2"] = values["settling_m_s"] = np.nan
             if before is not None:
                 ways = np.linalg.norm(cloth - before[g], axis=1)
-                values["settling_m_s"] = float(ways.mean() * FPS)
+                values["settling_m_s"] = float(ways.mean() * self._fps)
             for name, value in values.items():
                 row.setdefault(name, []).append(value)
         self._past = [*self._past[-2:], [c.astype(np.float64) for c in cloths]]
         if len(self._past) == 3:
             before, middle, after = self._past
             self._rows[-1]["acceleration_m_s2"] = [
-                float(np.linalg.norm(a - 2 * m + b, axis=1).mean() * FPS**2)
+                float(np.linalg.norm(a - 2 * m + b, axis=1).mean() * self._fps**2)
                 for b, m, a in zip(before, middle, after, strict=True)
             ]
         self._rows.append(row)
         return row
+
+    def _contact(self, cloths: Sequence[np.ndarray], body: np.ndarray) -> list[dict[str, float]]:
+        """What each garment has to do with the body."""
+        if not self._carried:
+            self._carried = [_choose_followed(cloth, body) for cloth in cloths]
+        surface = self._surface_at(body)
+        distance, inside = surface.locate(np.concatenate(cloths))
+        within = np.flatnonzero(inside)
+        unfolded = within[~surface.in_folds(within, _FOLD_M)]
+        ends = np.cumsum([len(cloth) for cloth in cloths])
+        found = []
+        for end, cloth, (chosen, carrier) in zip(ends, cloths, self._carried, strict=True):
+            first = end - len(cloth)
+            values = contact_measures(distance[first:end], inside[first:end])
+            here = unfolded[(unfolded >= first) & (unfolded < end)]
+            values["inside_open_share"] = len(here) / len(cloth)
+            values["depth_open_m"] = float(distance[here].max(initial=0))
+            way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
+            values["slip_m"] = float(np.median(way)) if len(way) else 0.0
+            found.append(values)
+        return found
 
     def _crossings_of(self, cloths: Sequence[np.ndarray]) -> Crossings:
         """Crossings of all garments, indexed in the first frame."""
@@ -128,6 +145,7 @@ class HealthMonitor:
     def _surface_at(self, body: np.ndarray) -> MovingSurface:
         """The body's surface, indexed in the first frame."""
         if self._surface is None:
+            assert self._faces is not None
             self._surface = MovingSurface(body, self._faces)
         self._surface.move(body)
         return self._surface
@@ -187,24 +205,32 @@ def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) ->
 
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Numbers of a sample that `HealthBounds` judge, each of its worst garment."""
+    """Numbers of a sample that `HealthBounds` judge, each of its worst garment.
+
+    Those of contact are there if a body was.
+    """
     mean = {name: _mean_over_frames(values) for name, values in arrays.items()}
-    return {
-        "inside_share_mean": float(mean["inside_share"].max()),
-        "inside_open_mean": float(mean["inside_open_share"].max()),
-        "inside_open_max": float(arrays["inside_open_share"].max()),
-        "depth_m": float(np.percentile(arrays["depth_open_m"], 95, axis=0).max()),
-        "stretch_low": float(mean["stretch_p01"].min()),
-        "stretch_high": float(mean["stretch_p99"].max()),
-        "slip_m": float(arrays["slip_m"].max()),
-        "layer_share_mean": float(mean["layer_share"].max()),
-        "self_share_mean": float(mean["self_share"].max()),
-        "self_crossings_max": float(arrays["self_crossings"].max()),
-        "layer_crossings_max": float(arrays["layer_crossings"].max()),
-        "acceleration_m_s2": float(mean["acceleration_m_s2"].max()),
-        "settling_m_s": float(mean["settling_m_s"].max()),
-        "gap_p05_m": float(mean["gap_p05_m"].min()),
+    found = {}
+    if "inside_share" in arrays:
+        found = {
+            "inside_share_mean": mean["inside_share"].max(),
+            "inside_open_mean": mean["inside_open_share"].max(),
+            "inside_open_max": arrays["inside_open_share"].max(),
+            "depth_m": np.percentile(arrays["depth_open_m"], 95, axis=0).max(),
+            "slip_m": arrays["slip_m"].max(),
+            "gap_p05_m": mean["gap_p05_m"].min(),
+        }
+    found |= {
+        "stretch_low": mean["stretch_p01"].min(),
+        "stretch_high": mean["stretch_p99"].max(),
+        "layer_share_mean": mean["layer_share"].max(),
+        "self_share_mean": mean["self_share"].max(),
+        "self_crossings_max": arrays["self_crossings"].max(),
+        "layer_crossings_max": arrays["layer_crossings"].max(),
+        "acceleration_m_s2": mean["acceleration_m_s2"].max(),
+        "settling_m_s": mean["settling_m_s"].max(),
     }
+    return {name: float(value) for name, value in found.items()}
 
 
 def _mean_over_frames(values: np.ndarray) -> np.ndarray:

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from drapeline.blender import export
-from drapeline.blender.export import Usd, UsdGeom, UsdShade, write_usd
+from drapeline.blender import usd
+from drapeline.blender.usd import Usd, UsdGeom, UsdShade, write_usd
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.geometry.mesh import vertex_normals
@@ -27,7 +27,7 @@ def parts(tiny):
 
 @pytest.fixture
 def stage(tmp_path, parts, monkeypatch):
-    monkeypatch.setattr(export, "_CHUNK", 4)  # so that there are two of them
+    monkeypatch.setattr(usd, "_CHUNK", 4)  # so that there are two of them
     write_usd(tmp_path / "a.usdc", parts)
     return Usd.Stage.Open(str(tmp_path / "a.usdc"))
 
@@ -81,4 +81,4 @@ def test_colours_are_linear_on_the_mesh_and_in_its_material(stage, parts):
 
 
 def test_packages_that_blender_brings_along_stay_off_the_path():
-    assert export._BUNDLED not in sys.path
+    assert usd._BUNDLED not in sys.path

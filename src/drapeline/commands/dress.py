@@ -1,0 +1,259 @@
+"""`drapeline dress`: somebody in motion, dressed, as a file that other programs open."""
+
+import argparse
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from drapeline.bodies.model import free_body, load_body
+from drapeline.commands.health_table import health_lines
+from drapeline.dataset.gltf import write_glb
+from drapeline.dataset.mesh_files import write_caches, write_obj_sequence
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.errors import InputError
+from drapeline.frames import FPS, GENDERS
+from drapeline.generation.dressed_clip import dress_clip
+from drapeline.generation.settings import BodySettings, OutfitSettings
+from drapeline.motions.importing import import_motion
+from drapeline.motions.variation import cut_piece
+from drapeline.outfits.fabrics import FABRICS
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.outfits.settings import OwnGarment
+from drapeline.outfits.user_garment import garment_type
+from drapeline.report.dataset.people import render_people
+from drapeline.report.dataset.viewer import write_viewer
+from drapeline.storage import atomic_folder, copy_folder
+
+LOGGER = logging.getLogger("drapeline")
+_BMI = (19.0, 27.0)  # of somebody whom nobody asked for
+_SHAPE_RANGE = 1.5
+_PICTURE = (480, 640)  # pixels
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument(
+        "motion", help="motion capture: .bvh, .amc with its .asf beside it, .npz of AMASS or ours"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        action="append",
+        metavar="FILE",
+        help="what to write, given once or several times: .glb; .html, which plays; .webp, a moving"
+        " picture; .usdc (with usd-core or bpy); .abc (with bpy); or with --as a folder."
+        " Default: the motion's name with .glb",
+    )
+    parser.add_argument(
+        "--as",
+        dest="folder_format",
+        choices=sorted(_FOLDERS),
+        default="cloth3d",
+        help="what an output without a suffix is: a sample in CLOTH3D's format (the default), or"
+        " OBJ files, one for each frame, or caches of points beside an OBJ file",
+    )
+    parser.add_argument(
+        "--outfit",
+        metavar="TYPE",
+        help=f"{', '.join(OUTFIT_TYPES)}; in any order and case (default: what a garment of your"
+        " own goes with, else Tshirt+Trousers)",
+    )
+    parser.add_argument(
+        "--garment",
+        action="append",
+        default=[],
+        metavar="[TYPE=]FILE",
+        help=f"a garment of your own, an OBJ on the rest body, for one of {', '.join(GARMENTS)};"
+        " without the type it is found out",
+    )
+    parser.add_argument(
+        "--mend",
+        action="store_true",
+        help="turn, move or scale a garment that could not be worn but for that",
+    )
+    parser.add_argument(
+        "--fabric", choices=sorted(FABRICS), metavar="NAME", help=", ".join(sorted(FABRICS))
+    )
+    parser.add_argument("--gender", choices=GENDERS, default="female")
+    parser.add_argument(
+        "--body", metavar="FILE", help="a body in SMPL's format, .npz or .pkl, of that gender"
+    )
+    parser.add_argument("--bmi", type=float, metavar="KG_M2", help="the wearer's body mass index")
+    parser.add_argument("--seed", type=int, default=0, help="of body and outfit (default: 0)")
+    parser.add_argument("--start", type=int, default=0, metavar="N", help="first frame, at 30 Hz")
+    parser.add_argument(
+        "--frames", type=int, metavar="N", help="how many, at 30 Hz (default: all of them)"
+    )
+    parser.add_argument("--edge-length", type=float, metavar="M", help="of cloth (default: 0.02)")
+    parser.add_argument("--joint-map", metavar="FILE", help="for a skeleton of unknown names")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Dress somebody, write the files, and print what became of the cloth.
+
+    Returns:
+        Exit status: 1 if the simulation is out of bounds, and nothing was written.
+    """
+    started = time.perf_counter()
+    outputs = [Path(path) for path in args.output or [f"{Path(args.motion).stem}.glb"]]
+    for path in outputs:
+        _check_output(path)
+    motion = import_motion(args.motion, joint_map=args.joint_map)
+    if not 0 <= args.start < len(motion):
+        raise InputError(f"--start {args.start}: expected 0 to {len(motion) - 1} in {args.motion}")
+    if args.frames is not None and args.frames < 1:
+        raise InputError(f"--frames {args.frames}: expected at least 1")
+    stop = len(motion) if args.frames is None else min(len(motion), args.start + args.frames)
+    motion = cut_piece(motion, args.start, stop, speed=1.0, mirrored=False)
+    LOGGER.info("motion: %.1f s of %s", len(motion) / FPS, args.motion)
+    body = load_body(args.body or free_body(args.gender))
+    own = dict(_own_garment(text, args) for text in args.garment)
+    bmi = _BMI if args.bmi is None else (args.bmi, args.bmi)
+    outfit = {} if args.edge_length is None else {"edge_length_m": args.edge_length}
+    with TemporaryDirectory(prefix="drapeline-") as name:
+        sample = Path(name, outputs[0].stem or "dressed")
+        meta = dress_clip(
+            sample,
+            motion,
+            body,
+            gender=args.gender,
+            outfit_type=_outfit_type(args.outfit, list(own)),
+            own=own,
+            fabric=args.fabric,
+            bodies=BodySettings(shape_range=_SHAPE_RANGE, bmi_range=bmi),
+            outfits=OutfitSettings(**outfit),
+            seed=args.seed,
+        )
+        if meta["status"] != "accepted":
+            raise InputError(
+                f"the cloth was {meta['status']}: {meta['reason']}; another --seed, --outfit or"
+                " --fabric, or fewer --frames, may do"
+            )
+        measures = {"worst garment": meta["simulation"]["attempts"][-1]["measures"]}
+        for line in health_lines(measures):
+            LOGGER.info("%s", line)
+        for path in outputs:
+            _write(path, sample, args.folder_format)
+            LOGGER.info("wrote %s (%.1f MB)", path, _size(path) / 1e6)
+    LOGGER.info("%.0f s in all", time.perf_counter() - started)
+    return 0
+
+
+def _own_garment(text: str, args: argparse.Namespace) -> tuple[str, OwnGarment]:
+    """Type of a garment of one's own, and the garment."""
+    name, equals, path = text.partition("=")
+    if not equals or not _known(name):
+        name, path = "", text
+    body = load_body(args.body or free_body(args.gender))
+    return (
+        _known(name) or garment_type(path, body, mend=args.mend),
+        OwnGarment(path=path, fabric=args.fabric, mend=args.mend),
+    )
+
+
+def _known(name: str) -> str:
+    return next((garment for garment in GARMENTS if garment.lower() == name.strip().lower()), "")
+
+
+def _outfit_type(wanted: str | None, own: list[str]) -> str:
+    """The one of `OUTFIT_TYPES` that is wanted, or that a garment of one's own goes with."""
+    if wanted is None:
+        with_own = [kind for kind in OUTFIT_TYPES if set(own) <= set(kind.split("+"))]
+        if not with_own:
+            raise InputError(
+                f"--garment: nobody wears {' and '.join(own)}, expected what goes together:"
+                f" {', '.join(OUTFIT_TYPES)}"
+            )
+        return with_own[0]
+    names = {_known(name) or name for name in wanted.split("+")}
+    for kind in OUTFIT_TYPES:
+        if set(kind.split("+")) == names:
+            if missing := set(own) - names:
+                raise InputError(f"--garment: a {missing.pop()}, but --outfit is {wanted}")
+            return kind
+    raise InputError(f"--outfit {wanted}: expected one of {', '.join(OUTFIT_TYPES)}")
+
+
+def _check_output(path: Path) -> None:
+    """Refuse a name of no known format before anything is done."""
+    if path.suffix and path.suffix.lower() not in _FILES:
+        raise InputError(
+            f"{path}: '{path.suffix}' is unknown, expected {', '.join(_FILES)} or a folder"
+        )
+    if path.suffix.lower() in _NEEDS:
+        package, test = _NEEDS[path.suffix.lower()]
+        try:
+            test()
+        except ImportError as error:
+            raise InputError(f"{path}: needs {package} ({error})") from error
+    if path.is_dir() and path.suffix:
+        raise InputError(f"{path}: a folder, expected a file")
+
+
+def _write(path: Path, sample: Path, folder_format: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix:
+        _FILES[path.suffix.lower()](path, sample)
+    else:
+        _FOLDERS[folder_format](path, sample)
+
+
+def _write_scene(write: Callable[..., Any]) -> Callable[[Path, Path], None]:
+    def write_parts(path: Path, sample: Path) -> None:
+        with Sample(sample) as opened:
+            write(path, scene_parts(opened))
+
+    return write_parts
+
+
+def _usd() -> Callable[..., None]:
+    from drapeline.blender.usd import write_usd  # here, because few have USD's library
+
+    return write_usd
+
+
+def _alembic() -> Callable[..., None]:
+    from drapeline.blender.export import write_alembic  # here, because few have Blender
+
+    return write_alembic
+
+
+def _write_folder(write: Callable[..., None]) -> Callable[[Path, Path], None]:
+    def write_parts(path: Path, sample: Path) -> None:
+        with Sample(sample) as opened, atomic_folder(path) as scratch:
+            write(scratch, scene_parts(opened))
+
+    return write_parts
+
+
+def _late(writer: Callable[[], Callable[..., None]]) -> Callable[[Path, Path], None]:
+    return lambda path, sample: _write_scene(writer())(path, sample)
+
+
+_FILES: dict[str, Callable[[Path, Path], Any]] = {
+    ".glb": _write_scene(write_glb),
+    ".html": write_viewer,
+    ".webp": lambda path, sample: render_people(path, [sample], size=_PICTURE),
+    ".usdc": _late(_usd),
+    ".abc": _late(_alembic),
+}
+_NEEDS: dict[str, tuple[str, Callable[[], Any]]] = {
+    ".usdc": ("USD's library, usd-core or bpy", _usd),
+    ".abc": ("Blender, bpy", _alembic),
+}
+_FOLDERS: dict[str, Callable[[Path, Path], Any]] = {
+    "cloth3d": lambda path, sample: copy_folder(sample, path),
+    "obj": _write_folder(write_obj_sequence),
+    "pc2": _write_folder(lambda folder, parts: write_caches(folder, parts, ".pc2")),
+    "mdd": _write_folder(lambda folder, parts: write_caches(folder, parts, ".mdd")),
+}
+
+
+def _size(path: Path) -> int:
+    if path.is_file():
+        return path.stat().st_size
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
