@@ -27,21 +27,23 @@ _HOMES = {
         "save_motion": "motions.motion",
         "save_obj": "geometry.obj",
     },
-    "torch": {
-        "SimulatedSheet": "generation.moving_sheets",
-        "ReconstructionModel": "models.garment4d.reconstruct",
+    "dress": {
         "SimulatedOutfit": "generation.moving_outfits",
+        "SimulatedSheet": "generation.moving_sheets",
+        "floor_report": "motions.floor",
+        "import_motion": "motions.importing",
+        "measure": "metrics.measure",
+        "simulate": "generation.moving_outfits",
+    },
+    "torch": {
+        "ReconstructionModel": "models.garment4d.reconstruct",
         "SmplicitModel": "models.smplicit.model",
         "StaticModel": "models.gcvae.static_model",
         "draw": "report.models.scene",
         "fit_image": "models.smplicit.pictures.drape",
         "fit_points": "models.smplicit.scans.garments",
-        "floor_report": "motions.floor",
-        "import_motion": "motions.importing",
         "load": "models.load",
-        "measure": "metrics.measure",
         "repose": "models.smplicit.gallery.motion",
-        "simulate": "generation.moving_outfits",
     },
 }
 

@@ -27,6 +27,11 @@ def main() -> None:
         sys.exit(_run(sys.argv[1:]))
     except (InputError, OSError) as error:
         sys.exit(f"drapeline: {error}")
+    except ModuleNotFoundError as error:
+        sys.exit(
+            f"drapeline: needs {error.name}, which is not installed; expected drapeline with the"
+            f" extra [dress]: pip install 'drapeline[dress]'"
+        )
     except KeyboardInterrupt:
         sys.exit(130)
 

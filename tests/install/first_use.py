@@ -21,6 +21,8 @@ with data[0] as sample:
     assert sample.mesh("Skirt").triangles.shape[1] == 3
     assert sample.body_vertices(1, 2).shape[0] == 1
 """
+# Arguments of Python that dress somebody, and of one that measures it.
+DRESS = ("-m", "drapeline", "dress", ROOT / "examples/data/jump.bvh", "--frames", "3")
 # Arguments: a folder of samples, a trained model.
 TORCH = """
 import sys

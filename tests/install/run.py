@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from install.first_use import PIPELINE, READ, ROOT, TORCH, copy_library, write_files
+from install.first_use import DRESS, PIPELINE, READ, ROOT, TORCH, copy_library, write_files
 
 READER = ("3.10", "3.11", "3.12", "3.13")
 NEWER_BLENDER = "3.13"
@@ -81,7 +81,7 @@ def without_torch() -> list[str]:
     """Requirements of the pipeline and of its tests, but for those that need torch."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    asked = [*extras["torch"], *extras["pipeline"], *extras["dev"]]
+    asked = [*extras["dress"], *extras["torch"], *extras["pipeline"], *extras["dev"]]
     return [one for one in asked if re.match(r"[\w-]+", one)[0] not in {*NEED_TORCH, "drapeline"}]
 
 
@@ -95,6 +95,8 @@ def steps_on(version: str, files: dict[str, Path]) -> list[Step]:
     """What is installed and used on a Python."""
     read = ["-I", "-c", READ, files["samples"], files["body"]]
     steps = [Step(f"pip install . on Python {version}", "", [], read)]
+    dress = [*DRESS, "-o", files["body"].with_name(f"dressed{version}.glb")]
+    steps.append(Step(f"drapeline dress on Python {version}", "[dress]", [], dress))
     if version == "{}.{}".format(*sys.version_info):
         torch = ["-I", "-c", TORCH, files["samples"], files["model"]]
         steps.append(Step("pip install .[torch]", "[torch]", [locked_torch()], torch))

@@ -47,6 +47,10 @@ MAY_IMPORT = {
         "blender": [
             *["simulation", "rendering", "dataset", "outfits", "motions", "bodies", "geometry"],
         ],
+        "commands": [
+            *["models", "report", "blender", "generation", "experiment", "dataset", "simulation"],
+            *["outfits", "motions", "bodies", "geometry"],
+        ],
     }.items()
 }
 # Each cloth solver has a room of its own, which simulation knows nothing of.

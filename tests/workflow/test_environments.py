@@ -46,7 +46,7 @@ def required(texts):
 
 
 def test_the_lock_pins_every_dependency_of_the_package():
-    for name in required([*BASE, *EXTRAS["torch"], *EXTRAS["pipeline"]]):
+    for name in required([*BASE, *EXTRAS["dress"], *EXTRAS["torch"], *EXTRAS["pipeline"]]):
         assert name in PINS, f"{name} is not in requirements.lock"
 
 
@@ -122,5 +122,5 @@ LOADERS = {
 def test_an_extra_names_all_that_its_modules_import(extra, entries):
     imported = set(entries).union(*map(SOURCES.imported_files, entries))
     needed = set().union(*(third_party(path) for path in imported if path.suffix == ".py"))
-    named = required([*BASE, *EXTRAS["torch"], *EXTRAS[extra]])
+    named = required([*BASE, *EXTRAS["dress"], *EXTRAS["torch"], *EXTRAS[extra]])
     assert needed <= named, f"[{extra}] lacks {', '.join(sorted(needed - named))}"

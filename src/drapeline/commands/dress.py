@@ -3,7 +3,7 @@
 import argparse
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -96,12 +96,18 @@ def run(args: argparse.Namespace) -> int:
     """Dress somebody, write the files, and print what became of the cloth.
 
     Returns:
-        Exit status: 1 if the simulation is out of bounds, and nothing was written.
+        Exit status 0.
+
+    Raises:
+        InputError: an argument or a file is wrong, or the cloth is out of its bounds; nothing is
+            written then.
     """
     started = time.perf_counter()
     outputs = [Path(path) for path in args.output or [f"{Path(args.motion).stem}.glb"]]
     for path in outputs:
         _check_output(path)
+    _check_range("bmi", args.bmi, 10, 60)
+    _check_range("edge-length", args.edge_length, 0.005, 0.06)
     motion = import_motion(args.motion, joint_map=args.joint_map)
     if not 0 <= args.start < len(motion):
         raise InputError(f"--start {args.start}: expected 0 to {len(motion) - 1} in {args.motion}")
@@ -121,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
             motion,
             body,
             gender=args.gender,
-            outfit_type=_outfit_type(args.outfit, list(own)),
+            outfit_type=outfit_type(args.outfit, list(own)),
             own=own,
             fabric=args.fabric,
             bodies=BodySettings(shape_range=_SHAPE_RANGE, bmi_range=bmi),
@@ -159,8 +165,16 @@ def _known(name: str) -> str:
     return next((garment for garment in GARMENTS if garment.lower() == name.strip().lower()), "")
 
 
-def _outfit_type(wanted: str | None, own: list[str]) -> str:
-    """The one of `OUTFIT_TYPES` that is wanted, or that a garment of one's own goes with."""
+def outfit_type(wanted: str | None, own: Sequence[str]) -> str:
+    """The one of `OUTFIT_TYPES` that is wanted, or that garments of one's own go with.
+
+    Args:
+        wanted: garments in any order and case, joined by "+".
+        own: types of one's own garments.
+
+    Raises:
+        InputError: there is none.
+    """
     if wanted is None:
         with_own = [kind for kind in OUTFIT_TYPES if set(own) <= set(kind.split("+"))]
         if not with_own:
@@ -176,6 +190,11 @@ def _outfit_type(wanted: str | None, own: list[str]) -> str:
                 raise InputError(f"--garment: a {missing.pop()}, but --outfit is {wanted}")
             return kind
     raise InputError(f"--outfit {wanted}: expected one of {', '.join(OUTFIT_TYPES)}")
+
+
+def _check_range(name: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
+        raise InputError(f"--{name} {value:g}: expected {low:g} to {high:g}")
 
 
 def _check_output(path: Path) -> None:

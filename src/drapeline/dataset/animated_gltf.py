@@ -255,7 +255,8 @@ class _Scene:
         data = self._buffer(view["buffer"])
         start = view.get("byteOffset", 0) + offset
         last = start + (count - 1) * stride + width * dtype.itemsize
-        if min(start, offset, stride) < 0 or last > len(data):
+        end = min(len(data), start - offset + view["byteLength"])
+        if min(start, offset, stride) < 0 or last > end:
             raise DamagedFile(self._path, "is cut off, expected all of its buffers")
         return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
@@ -309,7 +310,7 @@ def _welded(name: str, moving: np.ndarray, faces: np.ndarray) -> ScenePart:
     """A part in which vertices that are together in all frames are one."""
     some = moving[:: max(1, len(moving) // 8)]
     rows = np.ascontiguousarray(some.transpose(1, 0, 2).reshape(moving.shape[1], -1))
-    _, first, place = np.unique(np.round(rows, 5), axis=0, return_index=True, return_inverse=True)
+    _, first, place = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     faces = place.reshape(-1)[faces]
     distinct = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     points = np.ascontiguousarray(moving[:, first])
