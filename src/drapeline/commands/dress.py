@@ -14,6 +14,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.mesh_files import write_caches, write_obj_sequence
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.generation.dressed_clip import dress_clip
@@ -24,6 +25,7 @@ from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.user_garment import garment_type
+from drapeline.report.dataset.gallery import render_gallery
 from drapeline.report.dataset.people import render_people
 from drapeline.report.dataset.viewer import write_viewer
 from drapeline.storage import atomic_folder, copy_folder
@@ -100,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         InputError: an argument or a file is wrong, or the cloth is out of its bounds; nothing is
-            written then.
+            written then but a picture of the worst frame.
     """
     started = time.perf_counter()
     outputs = [Path(path) for path in args.output or [f"{Path(args.motion).stem}.glb"]]
@@ -135,9 +137,15 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed,
         )
         if meta["status"] != "accepted":
+            seen = ""
+            if read_worst_frame(sample):
+                picture = outputs[0].with_name(f"{sample.name}_{meta['status']}.png")
+                picture.parent.mkdir(parents=True, exist_ok=True)
+                render_gallery(sample, picture, sample / "moving.png")
+                seen = f" ({picture} shows the worst frame)"
             raise InputError(
-                f"the cloth was {meta['status']}: {meta['reason']}; another --seed, --outfit or"
-                " --fabric, or fewer --frames, may do"
+                f"the cloth was {meta['status']}: {meta['reason']}{seen}; another --seed, --outfit"
+                " or --fabric, or fewer --frames, may do"
             )
         measures = {"worst garment": meta["simulation"]["attempts"][-1]["measures"]}
         for line in health_lines(measures):

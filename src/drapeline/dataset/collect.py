@@ -1,6 +1,7 @@
 """Collect the accepted samples into split folders, with tables of all samples and the card."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,26 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         (scratch / "README.md").write_text(dataset_card(records, shown))
         write_manifest(scratch, known=sums)
     return records
+
+
+def outcome(records: Sequence[SampleRecord]) -> str:
+    """What came of all samples in a sentence: "15 of 16 samples accepted (1 rejected: ...)"."""
+    accepted = sum(record.accepted for record in records)
+    text = f"{accepted} of {len(records)} samples accepted"
+    others = [record.meta for record in records if not record.accepted]
+    if not others:
+        return text
+    if len(others) == 1:
+        return f"{text} (1 {others[0]['status']}: {others[0]['reason']})"
+    # Measures are counted, not values: each sample has its own.
+    reasons = Counter(f"{meta['status']} by {_measure(meta['reason'])}" for meta in others)
+    return f"{text} ({', '.join(f'{count} {words}' for words, count in reasons.most_common())})"
+
+
+def _measure(reason: str) -> str:
+    """What the first part of a reason is about: a measure, or the body that overlaps itself."""
+    first = reason.split(";")[0]
+    return first.split()[0] if ", expected at" in first else first
 
 
 def accepted_records(dataset: str | Path) -> list[SampleRecord]:

@@ -18,6 +18,7 @@ from drapeline.bodies.sequence import (
 )
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
+from drapeline.dataset.worst_frame import find_worst_frame, write_worst_frame
 from drapeline.errors import InputError
 from drapeline.frames import FPS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
@@ -63,15 +64,15 @@ def write_sample(
 
     `extras/manifest.tsv` has the sums of all its files.
 
-    A sample that was not accepted gets only a `meta.json` with its status and reason. Memory use
-    does not grow with the number of frames.
+    A sample that was not accepted gets only a `meta.json` with its status and reason, and the worst
+    frame that was simulated. Memory use does not grow with the number of frames.
 
     Args:
         rng: draws the camera and the lights.
         folder: replaced as a whole; its name is the sample's id.
         body_record: `.npz` with shape, gender, poses, trans and the labels of the motion.
         outfit: `.npz` with the rest meshes, next to a `.json` of the same stem.
-        simulation: folder with `{Garment}.f32` and `health.npz`; of no use where not accepted.
+        simulation: folder with `{Garment}.f32` and `health.npz`, where anything was simulated.
         status: what became of the simulation: "accepted" or another word (`status`), why (`reason`)
             and whatever else is to be recorded.
         seed: the experiment's seed, to be recorded in `meta.json`.
@@ -129,9 +130,29 @@ def write_sample(
             health = load_npz(simulation / "health.npz", HEALTH, frames=len(record.poses))
             save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
+        elif (simulation / "health.npz").is_file():
+            _write_worst(scratch, body, record, outfit, simulation, meta["reason"])
         write_json(meta_path(scratch), meta)
         write_manifest(scratch, SAMPLE_MANIFEST)
     return meta
+
+
+def _write_worst(
+    folder: Path,
+    body: BodyModel,
+    record: BodySequence,
+    outfit: str | Path,
+    simulation: Path,
+    reason: str,
+) -> None:
+    health = load_npz(simulation / "health.npz", {"*": "any|nan frames ..."})
+    if not len(next(iter(health.values()), ())):
+        return
+    frame = find_worst_frame(health, reason)
+    (skin,) = body_sequence_vertices(body, record, frames=slice(frame, frame + 1))
+    garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
+    turn = record.poses[frame, :3]
+    write_worst_frame(folder, simulation, frame, reason, turn, skin, body.faces, garments)
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:

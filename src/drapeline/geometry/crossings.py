@@ -301,6 +301,11 @@ class Crossings:
             through[pair] = passes_through(points[self._pairs[edge]], points[self._triangles[face]])
         return close[through]
 
+    def corners(self, pairs: np.ndarray) -> np.ndarray:
+        """Vertices (m,), counted through all garments, of edges and triangles (n, 2)."""
+        edge, face = pairs.T
+        return np.union1d(self._pairs[edge], self._triangles[face])
+
 
 def passes_through(segment: np.ndarray, triangle: np.ndarray) -> bool:
     """Whether a segment (2, 3) meets a triangle (3, 3) in whose plane it does not lie, exactly."""

@@ -1,11 +1,12 @@
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drapeline.dataset.collect import accepted_records, collect_dataset
+from drapeline.dataset.collect import accepted_records, collect_dataset, outcome
 from drapeline.dataset.reader import Cloth3D
-from drapeline.dataset.record import meta_path, read_meta
+from drapeline.dataset.record import SampleRecord, meta_path, read_meta
 from drapeline.dataset.tables import ACTIONS, GARMENTS_WORN, OVERVIEW, SAMPLES, STATUS
 from drapeline.errors import DamagedFile, InputError
 from drapeline.manifest import MANIFEST, read_manifest, sum_file
@@ -153,3 +154,31 @@ def test_unusable_samples_are_named(tmp_path, toy_body):
     with pytest.raises(InputError, match=r"meta.json: lacks motion"):
         collect_dataset([folder], tmp_path / "dataset")
     assert not (tmp_path / "dataset").exists()
+
+
+def record(number, status="accepted", reason=""):
+    meta = {"id": f"{number:05}", "status": status, "reason": reason}
+    return SampleRecord(Path("."), meta, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("rejected", "words"),
+    [
+        ([], "4 of 4 samples accepted"),
+        (
+            ["depth_m 0.04, expected at most 0.03"],
+            "4 of 5 samples accepted (1 rejected: depth_m 0.04, expected at most 0.03)",
+        ),
+        (
+            [
+                "slip_m 0.3, expected at most 0.25",
+                "slip_m 0.4, expected at most 0.25; depth_m 1, expected at most 0.03",
+                "hands in thighs",
+            ],
+            "4 of 7 samples accepted (2 rejected by slip_m, 1 rejected by hands in thighs)",
+        ),
+    ],
+)
+def test_what_came_of_samples_is_a_sentence(rejected, words):
+    others = [record(9, "rejected", reason) for reason in rejected]
+    assert outcome([*map(record, range(4)), *others]) == words

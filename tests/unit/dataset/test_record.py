@@ -3,7 +3,6 @@ from dataclasses import replace
 import pytest
 
 from drapeline.dataset.record import (
-    SAMPLE_MANIFEST,
     body_fingerprint,
     meta_path,
     read_meta,
@@ -30,7 +29,9 @@ def test_a_rejected_sample_has_a_record_without_data(tmp_path, toy_body):
     record = read_record(folder)
     assert not record.accepted
     assert record.cloth3d_bytes == 0
-    files = [meta_path(folder), folder / SAMPLE_MANIFEST]
+    files = [
+        path for path in (folder / EXTRAS).iterdir() if path.suffix in (".json", ".tsv", ".npz")
+    ]
     assert record.total_bytes == sum(path.stat().st_size for path in files)
 
 

@@ -13,6 +13,7 @@ from drapeline.dataset import writer
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import body_fingerprint, read_meta
+from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.dataset.writer import (
     GarmentAnimation,
     summarise_health,
@@ -166,10 +167,15 @@ def test_a_sample_can_be_written_where_torch_is_not_installed(tmp_path, toy_body
     }
 
 
-def test_a_rejected_sample_says_why_and_holds_no_meshes(tmp_path, toy_body):
+def test_a_rejected_sample_says_why_and_holds_its_worst_frame_alone(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
-    assert {path.name for path in tiny.folder.rglob("*.*")} == {"meta.json", "manifest.tsv"}
+    names = {path.name for path in tiny.folder.rglob("*.*")}
+    assert names == {"meta.json", "manifest.tsv", "worst_frame.npz"}
     assert read_meta(tiny.folder)["reason"].startswith("1.20 %")
+    worst = read_worst_frame(tiny.folder)
+    assert list(worst.garments) == ["Tshirt", "Skirt"]
+    for name, (vertices, _, _) in worst.garments.items():
+        np.testing.assert_array_equal(vertices, tiny.vertices[name][worst.frame])
 
 
 def test_the_same_inputs_give_the_same_bytes(tmp_path, toy_body):

@@ -1,6 +1,7 @@
 """Pictures of samples: a still and a moving one of each, and a sheet of the learning group."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ from PIL import Image
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import meta_path, read_meta, read_record
 from drapeline.dataset.sample_meshes import scene_parts
-from drapeline.dataset.scene_part import ScenePart
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
+from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.errors import InputError
 from drapeline.rendering.camera import (
     Camera,
@@ -31,6 +33,8 @@ _MARGIN = 0.05  # of the picture's height and width, around the figure
 _TURN_DEG = 28.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.2
 _SIZE = (210, 280)
+_CARD_SHARE = 0.3  # of a picture of what was not accepted
+_WRONG_COLOUR = (0.86, 0.15, 0.12)
 _COLUMNS = 8
 
 
@@ -45,8 +49,9 @@ def render_gallery(
 ) -> None:
     """Render a sample's middle frame and an animation of it; both are filled by the figure.
 
-    The camera follows the body along the floor at one scale. A sample that was not accepted gets a
-    card with its status and reason in place of both pictures.
+    The camera follows the body along the floor at one scale. Of a sample that was not accepted both
+    pictures show the worst frame, in red what is wrong with it, above a card with its status and
+    reason; or the card alone if nothing was simulated.
 
     Args:
         still: the PNG to write.
@@ -59,8 +64,8 @@ def render_gallery(
     """
     meta = read_meta(folder) if meta_path(folder).is_file() else {"status": "accepted"}
     if meta["status"] != "accepted":
-        _save_still(still, _card(meta, still_size))
-        _save_still(moving, _card(meta, moving_size))
+        _save_still(still, _rejected(folder, meta, still_size))
+        _save_still(moving, _rejected(folder, meta, moving_size))
         return
     with Sample(folder) as sample:
         parts = scene_parts(sample)
@@ -128,6 +133,33 @@ def _cameras(
         np.concatenate([part.read(frame, frame + 1)[0] for part in parts]) for frame in frames
     ]
     return frame_points(cameras, figures, _MARGIN)
+
+
+def _rejected(folder: str | Path, meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
+    worst = read_worst_frame(folder)
+    if worst is None:
+        return _card(meta, size)
+    width, height = size
+    card = round(_CARD_SHARE * height)
+    size = width, height - card
+    painted = [ColouredMesh(worst.body, worst.body_faces, BODY_COLOUR)]
+    for vertices, faces, wrong in worst.garments.values():
+        marked = wrong[faces].any(axis=1)
+        for chosen, colour in ((~marked, PLAIN_COLOUR), (marked, _WRONG_COLOUR)):
+            if chosen.any():
+                painted.append(ColouredMesh(vertices, faces[chosen], colour))
+    points = np.concatenate([mesh.vertices for mesh in painted])
+    ground = np.array([0, 0, points[:, 2].min()])
+    painted = [replace(mesh, vertices=mesh.vertices - ground) for mesh in painted]
+    points = points - ground
+    target = (points.min(axis=0) + points.max(axis=0)) / 2
+    front = facing_direction(worst.root_rotation)
+    direction = view_direction(front, turn_deg=_TURN_DEG, rise=_RISE)
+    camera = look_at(target + _DISTANCE_M * direction, target, focal_px=size[1], size=size)
+    (camera,) = frame_points([camera], [points], _MARGIN)
+    picture = raytrace(painted, camera)
+    title = f"{meta['id']}: {meta['status']}, frame {worst.frame}"
+    return np.concatenate([picture, text_card(title, meta.get("reason", ""), (width, card))])
 
 
 def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:

@@ -45,8 +45,15 @@ def test_equal_samples_give_equal_files(toy_body, tmp_path):
     assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
 
 
-def test_a_rejected_sample_gets_a_card(toy_body, tmp_path):
-    still, moving = render(write_tiny_sample(tmp_path, toy_body, status="rejected"), tmp_path)
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_rejected_sample_gets_a_card_below_its_worst_frame(toy_body, tmp_path, simulated):
+    tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
+    if not simulated:
+        (tiny.folder / "extras/worst_frame.npz").unlink()
+    still, moving = render(tiny, tmp_path)
+    with Image.open(still) as image:
+        corner = np.asarray(image.convert("RGB"))[2, 2]
+        assert (corner > 250).all() == simulated  # the paper of a picture, or that of a card
     for path, size in ((still, (90, 120)), (moving, (48, 64))):
         with Image.open(path) as image:
             assert image.size == size
