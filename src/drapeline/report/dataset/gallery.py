@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from drapeline.rendering.camera import (
 from drapeline.rendering.pictures import save_animation, save_contact_sheet, text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
+from drapeline.report.html import write_page
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_file
 
@@ -79,6 +81,34 @@ def render_gallery(
             )
         ]
         save_animation(moving, pictures, 1000 * frame_step / sample.fps)
+
+
+_INDEX_STYLE = """<style>
+.samples { display: grid; grid-template-columns: repeat(auto-fill, minmax(13rem, 1fr)); gap: .8rem; }
+.samples figure { margin: 0; font-size: .8rem; color: #444; }
+.samples img { width: 100%; display: block; }
+</style>"""
+
+
+def write_index(folder: str | Path) -> None:
+    """Write `index.html` of the moving pictures that there are below a folder by now.
+
+    A browser that shows the page loads it again every half minute, so that it fills up.
+    """
+    folder = Path(folder)
+    found = sorted(folder.rglob("*_moving.png"))
+    shown = (
+        f'<figure><img src="{escape(str(path.relative_to(folder)))}" loading="lazy" alt="">'
+        f"<figcaption>{escape(path.name.removesuffix('_moving.png'))}</figcaption></figure>"
+        for path in found
+    )
+    write_page(
+        folder / "index.html",
+        "Samples so far",
+        f'<meta http-equiv="refresh" content="30">{_INDEX_STYLE}',
+        f"<p>{len(found)} so far. This page fills up while samples are made.</p>",
+        f'<div class="samples">{"".join(shown)}</div>',
+    )
 
 
 def render_still(folder: str | Path, size: tuple[int, int]) -> np.ndarray:

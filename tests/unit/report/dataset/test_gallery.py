@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from drapeline.errors import InputError
-from drapeline.report.dataset.gallery import plot_group, render_gallery
+from drapeline.report.dataset.gallery import plot_group, render_gallery, write_index
 from toys.tiny_sample import write_tiny_sample
 
 
@@ -79,3 +79,14 @@ def test_a_group_without_an_accepted_sample_is_named(toy_body, tmp_path):
     one = write_tiny_sample(tmp_path, toy_body, "L00001", status="rejected")
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
         plot_group(tmp_path / "sheet.png", [one.folder], most=4)
+
+
+def test_the_index_shows_what_there_is_by_now(tmp_path):
+    for name in ("dataset/00001/00001_moving.png", "fast/f00001/f00001_moving.png"):
+        write_index(tmp_path)
+        path = tmp_path / name
+        path.parent.mkdir(parents=True)
+        path.touch()
+        write_index(tmp_path)
+        assert f'src="{name}"' in (tmp_path / "index.html").read_text()
+    assert "2 so far" in (tmp_path / "index.html").read_text()
