@@ -84,7 +84,8 @@ def render_gallery(
 
 
 _INDEX_STYLE = """<style>
-.samples { display: grid; grid-template-columns: repeat(auto-fill, minmax(13rem, 1fr)); gap: .8rem; }
+.samples { display: grid; gap: .8rem;
+  grid-template-columns: repeat(auto-fill, minmax(13rem, 1fr)); }
 .samples figure { margin: 0; font-size: .8rem; color: #444; }
 .samples img { width: 100%; display: block; }
 </style>"""
