@@ -25,6 +25,7 @@ from drapeline.motions.motion import (
 )
 from drapeline.motions.retarget import retarget
 from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, Take
+from drapeline.motions.variation import cut_piece
 from drapeline.storage import load_npz
 
 POSE_SIZES = {72: "SMPL", 156: "SMPL-H", 165: "SMPL-X"}
@@ -107,6 +108,8 @@ def import_motion(
     joint_map: str | Path | None = None,
     asf: str | Path | None = None,
     amc_fps: float = CMU_FPS,
+    start_s: float = 0.0,
+    end_s: float | None = None,
     frames: int | None = None,
     lock_feet: bool = True,
     action: str = "",
@@ -121,6 +124,8 @@ def import_motion(
             unit of any file; None tries the built-in ones and measures the rest.
         asf: skeleton of an AMC motion; None looks beside it.
         amc_fps: frames per second of an AMC motion; the file does not tell.
+        start_s, end_s: the part of the file that is kept; None for its end. How the file is to be
+            read is measured from all of it.
         frames: length of the result: cyclic clips are repeated up to it, longer motions are
             cut, and shorter ones stay as they are. None keeps the whole motion.
         lock_feet: whether the legs of a BVH or AMC motion are bent so that resting feet neither
@@ -135,11 +140,15 @@ def import_motion(
     found = _FORMATS[path.suffix.lower()].read(path, given, asf, amc_fps)
     if isinstance(found, Motion):
         motion = found
+        kept = _kept(path, len(motion), start_s, end_s)
+        if kept != range(len(motion)):
+            motion = cut_piece(motion, kept.start, kept.stop)
     else:
         take, fps = found
         poses, trans = retarget(*explain_take(take, _map_for(take, given)))
         _check_rate(path, fps)
-        times = np.arange(resampled_count(len(poses), fps)) / FPS
+        kept = _kept(path, resampled_count(len(poses), fps), start_s, end_s)
+        times = np.arange(kept.start, kept.stop) / FPS
         poses, trans = interpolate(poses, trans, take.times_s, times)
         motion = Motion(poses, trans, float(FPS), "", "", str(path), path.stem)
         motion = set_on_floor(motion, feet=lock_feet)
@@ -163,7 +172,30 @@ def _map_for(take: Take, given: JointMap | None) -> JointMap:
     return given if given.joints else replace(given, joints=built_in_map(take).joints)
 
 
-def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float = CMU_FPS) -> int:
+def _kept(path: Path, count: int, start_s: float, end_s: float | None) -> range:
+    """Frames at 30 per second of a file with `count` of them that lie between two times."""
+    length_s = count / FPS
+    first = round(start_s * FPS)
+    if not 0 <= first < count:
+        raise InputError(f"{path}: start_s is {start_s:g}, expected 0 to less than {length_s:.4g}")
+    if end_s is None:
+        return range(first, count)
+    last = round(end_s * FPS)
+    if not first < last <= count:
+        raise InputError(
+            f"{path}: end_s is {end_s:g}, expected more than {start_s:g} and at most {length_s:.4g}"
+        )
+    return range(first, last)
+
+
+def frame_count(
+    path: str | Path,
+    *,
+    frames: int | None = None,
+    amc_fps: float = CMU_FPS,
+    start_s: float = 0.0,
+    end_s: float | None = None,
+) -> int:
     """Frames that `import_motion` would return, without reading the whole file.
 
     Raises:
@@ -172,9 +204,11 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
     path = _check_suffix(path)
     count, fps, cyclic = _FORMATS[path.suffix.lower()].measure(path, amc_fps)
     _check_rate(path, fps)
-    count = resampled_count(count, fps)
+    whole = resampled_count(count, fps)
+    count = len(_kept(path, whole, start_s, end_s))
     if frames is None:
         return count
+    cyclic = cyclic and count == whole  # a part of a round is none
     return frames if cyclic else min(count, frames)
 
 

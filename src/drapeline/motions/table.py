@@ -1,7 +1,7 @@
 """The table that lists the motions of an experiment, and the frame counts of their files."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ class FrameCounts:
         self._known = _load(self._memory)
         self._used: dict[str, int] = {}
 
-    def count(self, path: str, frames: int | None, **rate: float) -> int:
+    def count(self, path: str, frames: int | None, **numbers: float) -> int:
         """`frame_count` of a file; sizes and times of files tell whether it has changed.
 
         Raises:
@@ -32,11 +32,13 @@ class FrameCounts:
         try:
             state = Path(path).stat()
         except OSError:
-            return frame_count(path, frames=frames, **rate)  # says what is wrong
-        key = f"{path} {state.st_size} {state.st_mtime_ns} {frames} {sorted(rate.items())}"
+            return frame_count(path, frames=frames, **numbers)  # says what is wrong
+        key = f"{path} {state.st_size} {state.st_mtime_ns} {frames} {sorted(numbers.items())}"
         if key not in self._used:
             known = self._known.get(key)
-            self._used[key] = frame_count(path, frames=frames, **rate) if known is None else known
+            self._used[key] = (
+                frame_count(path, frames=frames, **numbers) if known is None else known
+            )
         return self._used[key]
 
     def remember(self) -> None:
@@ -57,7 +59,7 @@ def _load(memory: Path | None) -> dict[str, int]:
 
 
 REQUIRED = ("name", "file")
-OPTIONAL = ("action", "subject", "loop", "joint_map", "asf", "amc_fps")
+OPTIONAL = ("action", "subject", "loop", "joint_map", "asf", "amc_fps", "start_s", "end_s")
 # Columns that describe a clip for people and are not read.
 DESCRIPTIVE = ("frames", "source", "note")
 
@@ -76,7 +78,7 @@ class MotionEntry:
     # joint_map, asf: further files it needs, or None.
     joint_map: str | None
     asf: str | None
-    amc_fps: float | None  # frame rate of an AMC file, or None
+    numbers: dict[str, float]  # of `amc_fps`, `start_s` and `end_s`, those that are given
 
     @property
     def files(self) -> dict[str, str]:
@@ -86,13 +88,13 @@ class MotionEntry:
 
     def parameters(self) -> dict[str, Any]:
         """The other arguments of `import_motion`."""
-        given = {
+        return {
             "frames": self.loop_frames,
             "action": self.action,
             "subject": self.subject,
             "sequence": self.name,
+            **self.numbers,
         }
-        return given if self.amc_fps is None else {**given, "amc_fps": self.amc_fps}
 
 
 def motion_table(
@@ -106,9 +108,9 @@ def motion_table(
 
     Args:
         path: columns `name` and `file` (relative to the table's folder), and optionally `action`,
-            `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf` and
-            `amc_fps`. Names become parts of paths, see `storage.NAME_RULE`; files may be called
-            anything.
+            `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf`,
+            `amc_fps`, and `start_s` and `end_s`, the part of the file that is the clip. Names
+            become parts of paths, see `storage.NAME_RULE`; files may be called anything.
         names: which rows, in this order; all rows if empty.
         loop_frames: length in frames that cyclic clips are repeated to.
         counts: frame counts that are known already.
@@ -147,16 +149,23 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int, counts: FrameCoun
         raise InputError(f"{table}: '{row['name']}' has loop '{loop}', expected yes or no")
     if not row["file"]:
         raise InputError(f"{table}: '{row['name']}' has no file, expected the motion's")
-    amc_fps = _rate(table, row)
+    numbers = {
+        **_number(table, row, "amc_fps", "above 0", lambda number: number > 0),
+        **_number(table, row, "start_s", "of at least 0", lambda number: number >= 0),
+        **_number(table, row, "end_s", "above 0", lambda number: number > 0),
+    }
+    if loop == "yes" and not numbers.keys().isdisjoint(("start_s", "end_s")):
+        raise InputError(
+            f"{table}: '{row['name']}' has loop yes and start_s or end_s, expected a whole round"
+        )
 
     def beside(column: str) -> str | None:
         return str(table.parent / row[column]) if row.get(column) else None
 
     length = loop_frames if loop == "yes" else None
     file = str(table.parent / row["file"])
-    rate = {} if amc_fps is None else {"amc_fps": amc_fps}
     try:
-        frames = counts.count(file, length, **rate)
+        frames = counts.count(file, length, **numbers)
     except InputError as error:
         raise InputError(f"{table}: '{row['name']}': {error}") from error
     return MotionEntry(
@@ -168,20 +177,23 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int, counts: FrameCoun
         row.get("subject") or "",
         beside("joint_map"),
         beside("asf"),
-        amc_fps,
+        numbers,
     )
 
 
-def _rate(table: Path, row: dict[str, str]) -> float | None:
-    text = row.get("amc_fps")
+def _number(
+    table: Path, row: dict[str, str], column: str, expected: str, fine: Callable[[float], bool]
+) -> dict[str, float]:
+    """The number in a column, by its name, if there is one."""
+    text = row.get(column)
     if not text:
-        return None
+        return {}
     try:
-        rate = float(text)
+        number = float(text)
     except ValueError:
-        rate = math.nan
-    if not 0 < rate < math.inf:
+        number = math.nan
+    if not (math.isfinite(number) and fine(number)):
         raise InputError(
-            f"{table}: '{row['name']}' has amc_fps '{text:.100}', expected a number above 0"
+            f"{table}: '{row['name']}' has {column} '{text:.100}', expected a number {expected}"
         )
-    return rate
+    return {column: number}

@@ -154,6 +154,18 @@ def test_the_count_is_known_before_reading(make, kind, frames):
     assert len(motion) == {None: whole, 7: 7, 100: longest}[frames]
 
 
+@pytest.mark.parametrize("kind", ["bvh", "amass", "cycle"])
+def test_a_part_of_a_file_is_that_part_of_the_motion(make, kind):
+    path = make[kind]()
+    whole = import_motion(path, lock_feet=False)
+    part = import_motion(path, start_s=0.2, end_s=0.5, lock_feet=False)
+    assert len(part) == frame_count(path, start_s=0.2, end_s=0.5) == 9
+    np.testing.assert_allclose(part.poses, whole.poses[6:15], atol=1e-6)
+    np.testing.assert_allclose(
+        np.diff(part.trans, axis=0), np.diff(whole.trans[6:15], axis=0), atol=1e-6
+    )
+
+
 def test_labels_are_kept_or_replaced(make):
     path = make["cycle"]()
     motion = import_motion(path)

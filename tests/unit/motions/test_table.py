@@ -52,6 +52,20 @@ def test_names_choose_rows_and_their_order(folder):
         (("a\tplain.npz\t\tmaybe",), "name\tfile\taction\tloop", (), "has loop 'maybe', expected"),
         (("a\tnone.npz\t\tno",), "name\tfile\taction\tloop", (), "none.npz: no such file"),
         (("a\tplain.npz\tx",), "name\tfile\tamc_fps", (), "has amc_fps 'x', expected a number"),
+        (
+            ("a\tplain.npz\t-1",),
+            "name\tfile\tstart_s",
+            (),
+            "start_s '-1', expected a number of",
+        ),
+        (("a\tplain.npz\t9e9",), "name\tfile\tstart_s", (), "start_s is 9e.09, expected 0 to less"),
+        (("a\tplain.npz\t0",), "name\tfile\tend_s", (), "has end_s '0', expected a number above 0"),
+        (
+            ("a\tplain.npz\tyes\t1",),
+            "name\tfile\tloop\tend_s",
+            (),
+            "has loop yes and start_s or end_s, expected a whole round",
+        ),
     ],
 )
 def test_an_unusable_table_is_named(folder, rows, header, names, message):
