@@ -1,6 +1,7 @@
 """The exception raised for unusable input, and what turns a parser's own exceptions into it."""
 
 import errno
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,6 +49,13 @@ def _one_line(text: str) -> str:
     return "".join(shown)
 
 
+def _refuse_irregular(path: Path, expected: str) -> None:
+    """Refuse pipes and devices, which have no end, or none that comes by itself."""
+    mode = path.stat().st_mode if path.exists() else stat.S_IFREG
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise InputError(f"{path}: a pipe, socket or device, expected {expected} in a file")
+
+
 @contextmanager
 def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
     """Turn whatever the block raises into a DamagedFile: it can fail in any way.
@@ -58,8 +66,12 @@ def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
 
     Args:
         expected: what it should be, such as "YAML".
+
+    Raises:
+        InputError: see above; or the path leads to a pipe or a device, which is not waited for.
     """
     try:
+        _refuse_irregular(Path(path), expected)
         yield
     except (InputError, MemoryError):
         raise

@@ -219,7 +219,10 @@ def _in_use(path: Path) -> bool:
 
 
 def _umask() -> int:
-    umask = os.umask(0)
+    """Read without a change where the system tells it, as Linux does: other threads make files."""
+    with suppress(OSError, ValueError, StopIteration), open("/proc/self/status") as lines:
+        return int(next(line for line in lines if line.startswith("Umask:")).split()[1], 8)
+    umask = os.umask(0o077)  # for a moment, in which files are private, not open to all
     os.umask(umask)
     return umask
 
@@ -683,13 +686,22 @@ def _check_type(path: Path, value: Any, form: type, where: str) -> None:
         raise DamagedFile(path, f"{where} is {value!r:.100}, expected {expected}")
 
 
-def read_text(path: str | Path, expected: str) -> str:
+MOST_TEXT_BYTES = 1 << 28
+
+
+def read_text(path: str | Path, expected: str, *, most_bytes: int = MOST_TEXT_BYTES) -> str:
     """Text in UTF-8.
 
     Raises:
-        InputError: the file is missing or is no such text; names the line.
+        InputError: the file is missing, is larger than `most_bytes`, or is no such text; names the
+            line.
     """
     with refuse_damage(path, expected), open(path, "rb", buffering=0) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > most_bytes:
+            raise InputError(
+                f"{path}: {size:,} bytes, expected {expected} of at most {most_bytes:,}"
+            )
         raw = stream.read()
     try:
         text = raw.decode("utf-8-sig")

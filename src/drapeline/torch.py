@@ -14,6 +14,7 @@ have it.
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,7 +119,8 @@ class SequenceDataset(Dataset):
     """Windows of T consecutive frames.
 
     Samples with fewer frames are left out. The last window of a sample is shifted back to end with
-    it. A data set may be used by several workers: each opens files of its own.
+    it. A data set may be used by several workers, each of which opens files of its own, and by
+    several threads, which take turns.
 
     Args:
         frames: T.
@@ -143,6 +145,11 @@ class SequenceDataset(Dataset):
         coordinates: Frame = "root",
         keep: int = 64,
     ) -> None:
+        for name, value in (("frames", frames), ("keep", keep)):
+            if value < 1:
+                raise InputError(f"{name} is {value}, expected at least 1")
+        if isinstance(garments, str):
+            raise InputError(f"garments is '{garments}', expected a list, such as ['{garments}']")
         self.data, self.frames, self.body, self.coordinates = data, frames, body, coordinates
         self._wanted = None if garments is None else frozenset(garments)
         self._kept = _OpenSamples(data, self._wanted, keep)
@@ -162,7 +169,10 @@ class SequenceDataset(Dataset):
         return len(self._items)
 
     def __getitem__(self, index: int) -> OutfitFrames:
-        name, start = self._items[index]
+        with self._kept.lock:
+            return self._read(*self._items[index])
+
+    def _read(self, name: str, start: int) -> OutfitFrames:
         part = slice(start, start + self.frames)
         sample, garments, faces, rest = self._kept[name]
         where = (part.start, part.stop, self.coordinates)
@@ -204,6 +214,8 @@ class FrameDataset(SequenceDataset):
         coordinates: Frame = "root",
         keep: int = 64,
     ) -> None:
+        if step < 1:
+            raise InputError(f"step is {step}, expected at least 1")
         super().__init__(data, 1, garments=garments, body=body, coordinates=coordinates, keep=keep)
         self._items = [(name, frame) for name, frame in self._items if frame % step == 0]
 
@@ -305,9 +317,10 @@ class _OpenSamples:
     def __init__(self, data: Cloth3D, wanted: frozenset[str] | None, keep: int) -> None:
         self._data, self._wanted, self._keep = data, wanted, keep
         self._open: OrderedDict[str, _Opened] = OrderedDict()
+        self.lock = Lock()  # held while a sample is read, which another thread may close else
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_open": OrderedDict()}  # a worker opens its own
+    def __reduce__(self) -> tuple:
+        return _OpenSamples, (self._data, self._wanted, self._keep)  # a worker opens its own
 
     def __getitem__(self, name: str) -> _Opened:
         if name not in self._open:

@@ -20,12 +20,6 @@ def test_the_command_prints_the_version(monkeypatch, capsys):
     assert capsys.readouterr().out == f"drapeline {__version__}\n"
 
 
-def test_without_an_option_it_says_how_to_run(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["drapeline"])
-    main()
-    assert "snakemake dataset --cores all" in " ".join(capsys.readouterr().out.split())
-
-
 def test_the_citation_and_the_changelog_name_the_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     released = re.findall(

@@ -54,3 +54,14 @@ def test_what_is_not_damage_passes(error):
     with pytest.raises(type(error)) as caught, refuse_damage("a.mat", "MATLAB"):
         raise error
     assert caught.value is error
+
+
+def test_pipes_and_devices_are_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    (tmp_path / "zeros.json").symlink_to("/dev/zero")
+    for name in ("pipe.yaml", "zeros.json"):
+        with (
+            pytest.raises(InputError, match=f"{name}: a pipe, socket or device, expected YAML"),
+            refuse_damage(tmp_path / name, "YAML"),
+        ):
+            raise AssertionError("it was opened")

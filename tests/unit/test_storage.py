@@ -32,6 +32,7 @@ from drapeline.storage import (
     output_of,
     read_json,
     read_rows,
+    read_text,
     save_npz,
     save_record,
     sweep,
@@ -628,3 +629,21 @@ def test_records_are_read_as_their_annotations_say(tmp_path):
     save_record(tmp_path / "cloth.npz", cloth, faces=np.full((2, 3), 4))
     with pytest.raises(InputError, match=r"cloth.npz: 'faces' names number 4, expected 0 to 3"):
         load_record(tmp_path / "cloth.npz", Cloth)
+
+
+def test_finished_files_have_the_umask_which_is_never_changed(tmp_path, monkeypatch):
+    before = os.umask(0o027)
+    try:
+        monkeypatch.setattr(os, "umask", None)
+        with atomic_file(tmp_path / "a") as scratch:
+            scratch.touch()
+        assert (tmp_path / "a").stat().st_mode & 0o777 == 0o640
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
+
+
+def test_a_text_beyond_reason_is_refused(tmp_path):
+    (tmp_path / "a.yaml").write_text("x" * 11)
+    with pytest.raises(InputError, match="11 bytes, expected YAML of at most 10"):
+        read_text(tmp_path / "a.yaml", "YAML", most_bytes=10)

@@ -1,4 +1,5 @@
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,31 @@ def test_only_garments_that_are_asked_for_are_read(data):
     assert shirts[0].garments == ("Tshirt",)
     with pytest.raises(InputError, match="no sample wears Dress or Top in 1 or more frames"):
         FrameDataset(data, garments=["Dress", "Top"])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda data: FrameDataset(data, step=0), "step is 0, expected at least 1"),
+        (lambda data: FrameDataset(data, step=-1), "step is -1, expected at least 1"),
+        (lambda data: FrameDataset(data, keep=0), "keep is 0, expected at least 1"),
+        (lambda data: SequenceDataset(data, 0), "frames is 0, expected at least 1"),
+        (lambda data: FrameDataset(data, garments="Skirt"), r"expected a list, such as .'Skirt'."),
+    ],
+)
+def test_arguments_without_a_sense_are_refused(data, make, message):
+    with pytest.raises(InputError, match=message):
+        make(data)
+
+
+def test_threads_read_what_one_reads_though_few_samples_stay_open(data):
+    frames = FrameDataset(data, keep=1)
+    order = [*range(len(frames))] * 5
+    with ThreadPoolExecutor(6) as pool:
+        read = list(pool.map(frames.__getitem__, order))
+    for index, item in zip(order, read, strict=True):
+        for one, other in zip(item.vertices, frames[index].vertices, strict=True):
+            assert torch.equal(one, other)
 
 
 def test_a_batch_has_bodies_in_all_items_or_in_none(data):

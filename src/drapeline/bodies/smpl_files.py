@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from drapeline.errors import InputError, refuse_damage
-from drapeline.frames import PARENTS
+from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.npy import plain_dtype
 from drapeline.storage import atomic_file, load_npz
 
@@ -459,6 +459,7 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
         if arrays[key].dtype.kind not in "fiu" or not np.isfinite(arrays[key]).all():
             raise InputError(f"{path}: '{key}' holds values that are not finite numbers")
     _check_faces(path, "f", arrays["f"], count)
+    _check_person(path, arrays)
     if {"vt", "ft"} <= arrays.keys():
         points = arrays["vt"]
         if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
@@ -482,6 +483,30 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
         raise InputError(
             f"{path}: 'weights' of vertex {worst} sum to {total[worst]:.3f}, expected 1"
         )
+    least, most = arrays["weights"].min(initial=0), arrays["weights"].max(initial=0)
+    if least < -_WEIGHT_SLACK or most > 1 + _WEIGHT_SLACK:
+        raise InputError(f"{path}: 'weights' are from {least:.3g} to {most:.3g}, expected 0 to 1")
+
+
+_TALL_M = (1.0, 2.5)
+_WEIGHT_SLACK = 1e-3
+
+
+def _check_person(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Refuse what is no person in metres, upright along Y, with the left side at positive X."""
+    template = arrays["v_template"]
+    tall = float(np.ptp(template[:, 1])) if len(template) else 0.0
+    if not _TALL_M[0] <= tall <= _TALL_M[1]:
+        raise InputError(
+            f"{path}: 'v_template' is {tall:.4g} tall along Y, expected a person, {_TALL_M[0]:g} to"
+            f" {_TALL_M[1]:g} m"
+        )
+    joints = arrays["J_regressor"] @ template
+    place = {name: joints[JOINT_NAMES.index(name)] for name in ("left_hip", "right_hip", "head")}
+    if place["left_hip"][0] <= place["right_hip"][0]:
+        raise InputError(f"{path}: the left hip is not at the left, positive X; is it mirrored?")
+    if place["head"][1] <= place["left_hip"][1]:
+        raise InputError(f"{path}: the head is below the hips, expected Y upwards")
 
 
 def _check_faces(path: Path, key: str, faces: np.ndarray, count: int) -> None:

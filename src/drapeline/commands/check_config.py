@@ -20,6 +20,7 @@ from drapeline.experiment.settings import experiment_with
 from drapeline.models.registry import models
 from drapeline.storage import read_text
 
+_MOST_BYTES = 1_000_000
 _TABLE = Path("workflow/resources/motions/clips.tsv")  # of the default experiment
 
 
@@ -60,11 +61,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _read(file: str) -> dict[str, Any]:
-    text = read_text(file, "YAML")
+    text = read_text(file, "YAML", most_bytes=_MOST_BYTES)
     with refuse_damage(file, "YAML"):
         found = yaml.safe_load(text)
     if found is None:
         return {}
+    if isinstance(found, dict) and "__use_yte__" in found:
+        raise InputError(
+            f"{file}: has __use_yte__, with which Snakemake runs Python that the file holds,"
+            " expected settings alone"
+        )
     if not isinstance(found, dict):
         raise InputError(f"{file}: is {type(found).__name__}, expected settings, key: value")
     return found

@@ -17,6 +17,7 @@ from drapeline.motions.skeleton import Take, globals_from_locals
 
 REST_JUMP_DEG = 20.0
 _NTSC = 1000 / 1001
+_MOST_LINES = 20_000  # of a skeleton: two thousand joints
 _USUAL_FPS = (
     *(24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480),
     *(500, 1000, 24 * _NTSC, 30 * _NTSC, 60 * _NTSC, 120 * _NTSC),
@@ -85,6 +86,8 @@ def bvh_frames(path: str | Path) -> tuple[int, float]:
 
 def _halves(path: Path, *, motion_lines: int | None = None) -> tuple[list[str], list[str]]:
     """Lines of the HIERARCHY part and of the MOTION part (or only its first lines)."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: no file, expected a BVH motion")
     try:
         try:
             return _read_halves(path, "utf-8-sig", motion_lines)
@@ -106,6 +109,10 @@ def _read_halves(
         for line in stream:
             if line.strip().upper() == "MOTION":
                 return head, list(islice(stream, motion_lines))
+            if len(head) >= _MOST_LINES:
+                raise InputError(
+                    f"{path}: more than {_MOST_LINES} lines before 'MOTION', expected a skeleton"
+                )
             head.append(line)
     raise InputError(f"{path}: has no line 'MOTION', expected a whole BVH file")
 

@@ -65,6 +65,9 @@ class JointMap:
         return {joint: take.names.index(source) for joint, source in self.joints.items()}
 
 
+_MOST_BYTES = 1_000_000
+
+
 class _PlainLoader(yaml.SafeLoader):
     """Refuses aliases: a few of them make a value that takes for ever to print."""
 
@@ -81,7 +84,7 @@ def load_joint_map(path: str | Path) -> JointMap:
         InputError: the file is missing, is not YAML, or maps a joint that SMPL does not have.
     """
     path = Path(path)
-    text = read_text(path, "a joint map in YAML")
+    text = read_text(path, "a joint map in YAML", most_bytes=_MOST_BYTES)
     with refuse_damage(path, "YAML, expected a joint map"):
         content = yaml.load(text, _PlainLoader)
     if not isinstance(content, dict) or not isinstance(content.get("joints", {}), dict):

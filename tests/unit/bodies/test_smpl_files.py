@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.bodies.smpl_files import convert_to_pickle, pickle_end, read_body_arrays
 from drapeline.errors import InputError
-from drapeline.frames import PARENTS
+from drapeline.frames import JOINT_NAMES, PARENTS
 
 VALUES = {"x": np.arange(300.0), "a": [1, 2.5, "é" * 300, b"\0" * 70_000, None, True, (1, {2})]}
 
@@ -62,13 +62,17 @@ VERTICES = 6890
 def smpl_arrays():
     """A cloud of SMPL's size that is skinned and blended at random."""
     rng = np.random.default_rng(0)
+    template = rng.uniform([-0.8, -1.1, -0.2], [0.8, 0.6, 0.2], (VERTICES, 3))
     regressor = np.zeros((24, VERTICES))
     for row in regressor:
         row[rng.choice(VERTICES, 30, replace=False)] = 1 / 30
+    for name, side in (("left_hip", [0.1, -0.3]), ("right_hip", [-0.1, -0.3]), ("head", [0, 0.4])):
+        near = np.linalg.norm(template[:, :2] - side, axis=1).argsort()[:30]
+        regressor[JOINT_NAMES.index(name)] = np.isin(np.arange(VERTICES), near) / 30
     weights = rng.random((VERTICES, 24)) ** 8
     parents = PARENTS.astype(np.uint32)
     return {
-        "v_template": rng.normal(size=(VERTICES, 3)),
+        "v_template": template,
         "shapedirs": rng.normal(size=(VERTICES, 3, 10)) / 50,
         "posedirs": rng.normal(size=(VERTICES, 3, 207)) / 500,
         "J_regressor": regressor,
@@ -250,6 +254,23 @@ def test_wrong_arrays_are_named(tmp_path, smpl_arrays, key, value, message):
     with pytest.raises(InputError, match=message) as error:
         load_body(path)
     assert "wrong.npz" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda a: {"v_template": 100 * a["v_template"]}, "is 170 tall along Y, expected a person"),
+        (lambda a: {"v_template": 0.001 * a["v_template"]}, "is 0.0017 tall along Y"),
+        (lambda a: {"v_template": a["v_template"] * [-1, 1, 1]}, "is it mirrored"),
+        (lambda a: {"v_template": a["v_template"] * [1, -1, 1]}, "the head is below the hips"),
+        (lambda a: {"weights": 5 * a["weights"] - 4 / 24}, "'weights' are from -0.167 to"),
+    ],
+)
+def test_what_is_no_person_is_refused(tmp_path, smpl_arrays, change, message):
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **{**smpl_arrays, **change(smpl_arrays)})
+    with pytest.raises(InputError, match=message):
+        load_body(path)
 
 
 def test_other_unusable_files(tmp_path, smpl_arrays):

@@ -126,3 +126,4 @@ def test_the_command_alone_lists_what_it_can_do(drapeline):
     out, status = drapeline()
     assert status == 0
     assert all(word in out for word in ("dress", "check", "check-config"))
+    assert "snakemake dataset --cores all" in " ".join(out.split())

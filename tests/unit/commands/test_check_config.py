@@ -35,6 +35,8 @@ def test_an_empty_config_is_the_default(tmp_path, monkeypatch, capsys):
         ("a: [\n", "not readable as YAML"),
         ("seed: !!python/object/apply:os.system ['touch ran']\n", "not readable as YAML"),
         ("body:\n  bmi_range: [30, 20]\n", "expected the lower end first"),
+        ("__use_yte__: true\nseed: 3\n", "has __use_yte__, with which Snakemake runs Python"),
+        ("# " + 1_000_001 * "x", "bytes, expected YAML of at most 1,000,000"),
     ],
 )
 def test_a_config_that_a_workflow_refuses_is_one_sentence(tmp_path, monkeypatch, text, message):

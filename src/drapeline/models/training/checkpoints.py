@@ -28,6 +28,7 @@ Network = TypeVar("Network", bound=nn.Module)
 
 _ENTRY, _PREFIX, _REFERENCE = "drapeline", "metadata", "tensor"
 
+_RARE = {torch.uint16, torch.uint32, torch.uint64}  # with which torch can do next to nothing
 _CHECKPOINT, _PLAIN_WEIGHTS = "a checkpoint in safetensors", "a checkpoint of plain weights"
 
 
@@ -180,6 +181,10 @@ def _refuse_large_sizes(path: str | Path, metadata: Any, weights: int, name: str
 def _check_numbers(path: Path, value: Any, most: int, name: str = "") -> None:
     """Refuse numbers that are not finite, and tensors that repeat theirs to more than `most`."""
     if isinstance(value, torch.Tensor):
+        if value.layout != torch.strided or value.is_meta or value.is_quantized:
+            raise DamagedFile(path, f"'{name}' is sparse or without numbers, expected all of them")
+        if value.dtype in _RARE:
+            raise DamagedFile(path, f"'{name}' is of {value.dtype}, expected plain numbers")
         if value.numel() > most:
             raise DamagedFile(
                 path, f"'{name}' is of {value.numel()} numbers, but the file is small"

@@ -192,6 +192,20 @@ def test_honest_files_of_both_formats_are_read(tmp_path, legacy):
     assert found["layer"].tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
+@pytest.mark.parametrize(
+    ("tensor", "reason"),
+    [
+        (torch.eye(3).to_sparse(), "is sparse or without numbers"),
+        (torch.zeros(3, device="meta"), "is sparse or without numbers"),
+        (torch.zeros(3, dtype=torch.uint64), "is of torch.uint64, expected plain numbers"),
+    ],
+)
+def test_tensors_that_no_network_has_are_refused(tmp_path, tensor, reason):
+    torch.save({"bias": tensor}, tmp_path / "a.ckpt")
+    with pytest.raises(InputError, match=rf"a\.ckpt: 'bias' {reason}"):
+        read_torch_file(tmp_path / "a.ckpt")
+
+
 def test_the_best_loss_of_a_training_may_be_infinite_but_no_weight(tmp_path):
     for weight in (1.0, float("nan")):
         state = {"bias": torch.tensor(weight)}
