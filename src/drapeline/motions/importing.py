@@ -1,8 +1,12 @@
 """Import of motion files of all formats, AMASS's here, and the number of frames they will have."""
 
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -119,7 +123,7 @@ def import_motion(
     """Read any supported motion file as SMPL poses at 30 fps on the floor.
 
     Args:
-        path: `.npz` (ours or AMASS), `.bvh` or `.amc`.
+        path: `.npz` (ours or AMASS), `.bvh`, `.amc`, or `.fbx` where bpy is installed.
         joint_map: YAML joint map: the joints of a BVH or AMC skeleton, and the vertical axis and
             unit of any file; None tries the built-in ones and measures the rest.
         asf: skeleton of an AMC motion; None looks beside it.
@@ -261,6 +265,35 @@ def _read_bvh(path: Path) -> tuple[Take, float]:
     return take, _rate(take.times_s)
 
 
+@contextmanager
+def _as_bvh(path: Path) -> Iterator[Path]:
+    """An FBX file as BVH, by Blender in a process of its own, while the block lasts."""
+    with TemporaryDirectory() as folder:
+        target = Path(folder, f"{path.stem}.bvh")
+        command = [sys.executable, "-m", "drapeline.blender.fbx", str(path), str(target)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if not target.is_file():
+            lines = done.stderr.strip().splitlines() or ["Blender ended without a word"]
+            if "No module named 'bpy'" in lines[-1]:
+                raise InputError(
+                    f"{path}: FBX needs Blender, the package bpy, expected it installed, or BVH"
+                )
+            words = lines[-1] if str(path) in lines[-1] else f"{path}: {lines[-1]}"
+            raise InputError(words)
+        yield target
+
+
+def _read_fbx(path: Path) -> tuple[Take, float]:
+    with _as_bvh(path) as converted:
+        take, fps = _read_bvh(converted)
+    return replace(take, source=str(path)), fps
+
+
+def _fbx_frames(path: Path) -> tuple[int, float, bool]:
+    with _as_bvh(path) as converted:
+        return *bvh_frames(converted), False
+
+
 def _read_amc(
     path: Path, _: JointMap | None, asf: str | Path | None, fps: float
 ) -> tuple[Take, float]:
@@ -272,6 +305,7 @@ _FORMATS = {
         lambda path, given, *_: _read_npz(path, given), lambda path, _: _npz_frames(path)
     ),
     ".bvh": _Format(lambda path, *_: _read_bvh(path), lambda path, _: (*bvh_frames(path), False)),
+    ".fbx": _Format(lambda path, *_: _read_fbx(path), lambda path, _: _fbx_frames(path)),
     ".amc": _Format(_read_amc, lambda path, fps: (amc_frames(path), fps, False)),
 }
 
