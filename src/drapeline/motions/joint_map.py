@@ -11,6 +11,7 @@ import yaml
 from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.joint_names import name_joints
+from drapeline.motions.joint_structure import find_joints
 from drapeline.motions.skeleton import Take
 from drapeline.rule_log import LOGGER
 from drapeline.storage import read_text
@@ -127,7 +128,8 @@ def built_in_map(take: Take) -> JointMap:
     """The shipped map whose joints the take has; the one that drives most joints if several fit.
 
     A prefix that all of a file's joints share, such as ``mixamorig:``, is ignored. Where no map
-    fits, joints are found by the words of their names (`name_joints`), which is said in the log.
+    fits, joints are found by the words of their names (`name_joints`) or by the skeleton's shape
+    (`find_joints`), which is said in the log.
 
     Raises:
         InputError: no shipped map fits; names the joints and what to write.
@@ -148,6 +150,11 @@ def built_in_map(take: Take) -> JointMap:
         listed = ", ".join(f"{joint}: {source}" for joint, source in joints.items())
         LOGGER.info("%s: joints found by their names: %s", take.source, listed)
         return JointMap("found by names", joints)
+    joints = find_joints(take)
+    if joints:
+        listed = ", ".join(f"{joint}: {source}" for joint, source in joints.items())
+        LOGGER.warning("%s: joints found by the skeleton's shape: %s", take.source, listed)
+        return JointMap("found by shape", joints)
     raise InputError(
         f"{take.source}: joints {_join(take.names)} fit no built-in map "
         f"({_join(Path(joint_map.name).stem for joint_map in shipped)}), expected a "

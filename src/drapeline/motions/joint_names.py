@@ -47,7 +47,7 @@ def name_joints(take: Take) -> dict[str, str]:
         return {}
     above = _ancestors(take, pelvis)
     spine = [index for index in _ancestors(take, chest)[::-1] if index not in above]
-    found |= {"pelvis": pelvis, **_levels(spine)}
+    found |= {"pelvis": pelvis, **spine_levels(spine)}
     for name in ("neck", "head"):
         for index, (side, word) in words.items():
             if not side and word.rstrip("01") == name and name not in found:
@@ -86,7 +86,7 @@ def _limbs(of_side: dict[str, int]) -> dict[str, int]:
     return found
 
 
-def _levels(spine: Sequence[int]) -> dict[str, int]:
+def spine_levels(spine: Sequence[int]) -> dict[str, int]:
     """SMPL's three spine joints among those from the pelvis, without it, to the chest."""
     if len(spine) > 3:
         spine = [spine[0], spine[len(spine) // 2], spine[-1]]

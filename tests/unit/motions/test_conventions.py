@@ -13,6 +13,7 @@ from drapeline.motions.bvh import read_bvh
 from drapeline.motions.importing import import_motion
 from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.joint_names import name_joints
+from drapeline.motions.joint_structure import find_joints
 from drapeline.motions.motion import load_motion
 from drapeline.motions.skeleton import (
     REFERENCE_OFFSETS,
@@ -253,8 +254,52 @@ def test_the_spine_is_what_lies_between_legs_and_arms(tmp_path, dance):
 def test_a_person_who_lacks_a_limb_is_not_found_by_names(tmp_path, dance, old, new):
     called = {joint: new if name == old else name for joint, name in SMPL_TO_CMU_BVH.items()}
     take = read_bvh(exported(tmp_path / "a.bvh", [part[:2] for part in dance], called=called))
+    assert name_joints(take) == {}
+
+
+NUMBERED = {name: f"node {(7 * k) % 24}" for k, name in enumerate(JOINT_NAMES)}
+
+
+@pytest.mark.parametrize("rig", ["stands", "along_x", "along_x_mirrored", "anyhow"])
+@pytest.mark.parametrize("up", TO_Z_UP)
+def test_joints_whose_names_say_nothing_are_found_by_the_skeletons_shape(
+    tmp_path, dance, rig, up, caplog
+):
+    path = exported(tmp_path / "a.bvh", dance, rig=rig, up=up, called=NUMBERED)
+    with caplog.at_level("WARNING", logger="drapeline"):
+        joints = built_in_map(read_bvh(path)).joints
+    assert "a.bvh: joints found by the skeleton's shape: pelvis: node 0" in caplog.text
+    assert joints == NUMBERED
+    assert apart_deg(import_motion(path, lock_feet=False), dance) < 1.0
+
+
+def without(take, *gone):
+    """The take without some joints, of which no other hangs."""
+    kept = [k for k, name in enumerate(take.names) if name not in gone]
+    parents = [kept.index(take.parents[k]) if take.parents[k] >= 0 else -1 for k in kept]
+    arrays = (getattr(take, name)[:, kept] for name in ("rotations", "positions"))
+    names = tuple(take.names[k] for k in kept)
+    return Take(take.source, names, np.array(parents), take.offsets[kept], *arrays, take.times_s)
+
+
+@pytest.mark.parametrize(
+    "limb", [("left_hip", "left_knee", "left_ankle", "left_foot"), ("right_elbow", "right_wrist")]
+)
+def test_what_is_no_persons_skeleton_is_refused(tmp_path, dance, limb):
+    take = read_bvh(exported(tmp_path / "a.bvh", dance, called=NUMBERED))
+    hand = ("right_hand",) if "right_wrist" in limb else ()
     with pytest.raises(InputError, match=r"a\.bvh: joints .* fit no built-in map"):
-        built_in_map(take)
+        built_in_map(without(take, *(NUMBERED[name] for name in (*limb, *hand))))
+
+
+def test_skeletons_of_many_joints_end_soon(dance):
+    count = 1500
+    chain_of = np.arange(count) - 1
+    take = Take(
+        *("a", tuple(map(str, range(count))), chain_of, np.ones((count, 3))),
+        *(np.tile(np.eye(3), (1, count, 1, 1)), np.zeros((1, count, 3)), np.zeros(1)),
+    )
+    assert find_joints(take) == {}
 
 
 def amass(path, dance, *, up="Z", unit=1.0, degrees=False, still=0.0):
