@@ -1,4 +1,4 @@
-"""Rule `verify`: whether dataset, samples and trained models are as they were written."""
+"""Rule `verify`: whether dataset, samples, trained models and all else are as they were written."""
 
 import sys
 from typing import TYPE_CHECKING
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    count = verify_results(snakemake.params.results)
-    log.info("all files are as they were written (%d compared)", count)
-    sys.stdout.write(f"drapeline: all files are as they were written ({count} compared)\n")
+    found = verify_results(snakemake.params.results)
+    words = f"all files are as they were written ({found.compared} compared, {found.read} read)"
+    log.info("%s", words)
+    sys.stdout.write(f"drapeline: {words}\n")

@@ -47,7 +47,7 @@ def test_verify_says_what_is_damaged_and_makes_nothing(tmp_path):
     write_manifest(model)
     verify = ["verify", "--cores", "1", *CONFIG]
     for content, code, said in (
-        ("weights", 0, "drapeline: all files are as they were written (1 compared)"),
+        ("weights", 0, "drapeline: all files are as they were written (1 compared, "),
         (
             "weight",
             1,

@@ -74,7 +74,7 @@ def _pairs(take: Take) -> list[_Pair]:
                 if len(lengths[0]) != len(lengths[1]) or len(lengths[0]) < 3:
                     continue
                 whole = max(sum(lengths[0]), sum(lengths[1]))
-                if np.abs(np.subtract(*lengths)).max() < _ALIKE * whole:
+                if max(map(abs, np.subtract(lengths[0], lengths[1]))) < _ALIKE * whole:
                     found.append(_Pair(parent, chains, whole))
     return found
 

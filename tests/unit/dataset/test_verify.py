@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 from drapeline.dataset.verify import verify_results
@@ -21,7 +22,32 @@ def results(tmp_path, toy_body):
 
 def test_what_is_as_it_was_written_is_counted(results):
     sample = [p for p in (results / "samples" / "00001").rglob("[!.]*") if p.is_file()]
-    assert verify_results(results) == len(sample) - 1 + 1  # all but the manifests
+    assert verify_results(results).compared == len(sample) - 1 + 1  # all but the manifests
+    # Of the stages before, which have no sums: arrays and JSON that lie beside.
+    stages = [
+        p for n in ("bodies", "outfits", "simulation") for p in (results / n).rglob("*.[nj]*")
+    ]
+    assert verify_results(results).read == len(stages) > 2
+
+
+@pytest.mark.parametrize(("name", "cut"), [("bodies", False), ("outfits", True)])
+def test_damage_is_found_in_files_without_sums(results, name, cut):
+    path = next((results / name).rglob("*.npz"))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data[: len(data) // 3] if cut else data)
+    with pytest.raises(InputError, match=rf"1 file is damaged \({path}: .*delete "):
+        verify_results(results)
+
+
+def test_arrays_and_records_without_sums_are_whole(results):
+    np.save(results / "a.npy", np.zeros(9))
+    (results / "a.npy").write_bytes((results / "a.npy").read_bytes()[:-1])
+    (results / "b.json").write_text("{")
+    with pytest.raises(
+        InputError, match=r"2 files are damaged \(.*a\.npy: .*b\.json: not readable"
+    ):
+        verify_results(results)
 
 
 def test_damage_is_named_with_what_to_delete(results):
