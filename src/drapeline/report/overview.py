@@ -26,11 +26,13 @@ from drapeline.schema import Table, read_table
 _SHEET_BYTES = 700_000
 _SHEET_MAX = 400
 _SHEET_WIDTHS = (180, 120, 80)
-_SHOWN = 5
-_SHOWN_HEIGHT = 360
+_SHOWN = 8
+_SHOWN_HEIGHT = 400
+_SHOWN_FRAMES = 45  # 3 s of the gallery's moving pictures
 _STYLE = """<style>
-.overview .shown { display: flex; gap: 4px; }
-.overview .shown img { min-width: 0; flex: 1 1 0; object-fit: cover; margin: 0; }
+.overview .shown { display: grid; gap: 4px;
+  grid-template-columns: repeat(auto-fit, minmax(min(46%, 15rem), 1fr)); }
+.overview .shown img { width: 100%; max-height: 25rem; object-fit: contain; margin: 0; }
 .overview .numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(11.5rem, 1fr));
   gap: .6rem; margin: 1rem 0; padding: 0; }
 .overview .numbers div { border: 1px solid #e3e5e8; border-radius: .4rem; padding: .5rem .7rem; }
@@ -109,12 +111,12 @@ def write_overview(
     dataset: str | Path,
     pictures: Mapping[str, str | Path],
 ) -> None:
-    """Write the page of the samples: some large, the numbers of the dataset, and all in small.
+    """Write the page of the samples: some in motion, the numbers of the dataset, and all in small.
 
     Args:
         path: the HTML page; the report's front page, `workflow.rst`, shows what it holds.
         dataset: folder of the collected dataset.
-        pictures: sample -> its still.
+        pictures: sample -> its still; `{sample}_moving.png` beside it is in motion.
 
     Raises:
         InputError: a table is missing or unusable.
@@ -127,7 +129,7 @@ def write_overview(
         path,
         "Overview",
         f'<div class="overview">{_STYLE}',
-        _strip([pictures[sample] for sample in _evenly([*worn], _SHOWN)]),
+        _wall([pictures[sample] for sample in _evenly([*worn], _SHOWN)]),
         _numbers(_dataset_figures(dataset, status, records)),
         "<!-- samples --><h2>All samples</h2>",
         _sheet(status, worn, pictures),
@@ -258,9 +260,17 @@ def _numbers(figures: Iterable[KeyNumber]) -> str:
     return f'<dl class="numbers">\n{cells}\n</dl>'
 
 
-def _strip(pictures: Sequence[str | Path]) -> str:
-    encoded = [_jpeg(picture, height=_SHOWN_HEIGHT) for picture in pictures]
-    images = "".join(f'<img src="{_uri(data)}" alt="A sample">' for data in encoded)
+def _wall(pictures: Sequence[str | Path]) -> str:
+    """Samples in motion; a still where there is no moving picture beside it."""
+    images = ""
+    for picture in map(Path, pictures):
+        moving = picture.with_name(f"{picture.stem}_moving{picture.suffix}")
+        uri = (
+            _uri(_webp(moving), "webp")
+            if moving.is_file()
+            else _uri(_jpeg(picture, height=_SHOWN_HEIGHT))
+        )
+        images += f'<img src="{uri}" alt="Sample {escape(picture.stem)}">'
     return f'<div class="shown">{images}</div>' if images else ""
 
 
@@ -303,6 +313,31 @@ def _jpeg(path: str | Path, *, width: int = 0, height: int = 0) -> bytes:
     return stream.getvalue()
 
 
-def _uri(data: bytes) -> str:
+def _webp(path: Path) -> bytes:
+    """A moving picture again, smaller and shorter, that begins anew when it has ended."""
+    stream = io.BytesIO()
+    with Image.open(path) as picture:
+        pause_ms = picture.info.get("duration", 66)
+        frames = []
+        for number in range(min(picture.n_frames, _SHOWN_FRAMES)):
+            picture.seek(number)
+            frame = picture.convert("RGB")
+            frame.thumbnail((frame.width, _SHOWN_HEIGHT))
+            frames.append(frame)
+    first, *others = frames
+    first.save(
+        stream,
+        format="WEBP",
+        save_all=True,
+        append_images=others,
+        duration=round(pause_ms),
+        loop=0,
+        quality=60,
+        method=4,
+    )
+    return stream.getvalue()
+
+
+def _uri(data: bytes, kind: str = "jpeg") -> str:
     # In lines, for reStructuredText, which the front page passes through, refuses long ones.
-    return f"data:image/jpeg;base64,{base64.encodebytes(data).decode()}"
+    return f"data:image/{kind};base64,{base64.encodebytes(data).decode()}"

@@ -131,6 +131,19 @@ def test_pictures_are_small_whole_and_in_short_lines(overview, dataset):
             assert picture.width * 4 == picture.height * 3
 
 
+def test_samples_move_where_there_are_moving_pictures_of_them(overview, dataset, tmp_path):
+    still = Image.new("RGB", (48, 64), "red")
+    frames = [Image.new("RGB", (48, 64), (0, 0, 4 * k)) for k in range(60)]
+    path = tmp_path / "00001_moving.png"
+    still.save(path, save_all=True, append_images=frames, duration=67, loop=0)
+    text = overview(dataset)
+    (uri,) = re.findall(r'src="data:image/webp;base64,(.*?)"', text, re.DOTALL)
+    with Image.open(io.BytesIO(base64.b64decode(uri))) as picture:
+        assert picture.n_frames == 45
+        assert picture.info["loop"] == 0
+    assert len(re.findall(r'src="data:image/jpeg', text)) == 2 + 4
+
+
 def test_a_sheet_that_is_too_large_shows_some_of_the_samples(overview, dataset, monkeypatch):
     monkeypatch.setattr("drapeline.report.overview._SHEET_BYTES", 5_000)
     text = overview(dataset, size=(480, 640))
