@@ -133,7 +133,7 @@ def test_pictures_are_small_whole_and_in_short_lines(overview, dataset):
 
 def test_samples_move_where_there_are_moving_pictures_of_them(overview, dataset, tmp_path):
     still = Image.new("RGB", (48, 64), "red")
-    frames = [Image.new("RGB", (48, 64), (0, 0, 4 * k)) for k in range(60)]
+    frames = [Image.new("RGB", (48, 64), ("blue", "white")[k % 2]) for k in range(60)]
     path = tmp_path / "00001_moving.png"
     still.save(path, save_all=True, append_images=frames, duration=67, loop=0)
     text = overview(dataset)
