@@ -102,7 +102,12 @@ _SECTIONS = (
         "Table 3b: static garments by type, garment VAE",
         _by_type(["svae"], printed=_PRINTED["3b"], paper=PAPER),
     ),
-    Section("The same for masked PPCA", _by_type(["static_ppca"])),
+    Section(
+        "The same for masked PPCA",
+        _by_type(["static_ppca"]),
+        below="A linear model of ours: principal components of the offsets of all garments, each"
+        " known where it covers the body.",
+    ),
     Section(
         "Table 4: garments in motion, surface error (mm)",
         _in_motion(["surface_error_mm"], printed=_PRINTED["4"]),
