@@ -51,7 +51,8 @@ _SECTIONS = (
             digits=_WHOLE,
         ),
         below="Simulated samples of the test split, of the dataset and of those that models"
-        " learn from (the fast solver's), in motion. Body and camera are known, and the fit sees the segmentation alone. The mean code"
+        " learn from (the fast solver's), in motion. Body and camera are known, and the fit sees the"
+        " segmentation alone. The mean code"
         " here is that of the garment's class, such as all dresses. The training code of the class"
         " with the least loss is the fair opponent: it needs no fit. Garments are skinned"
         " with smoothed weights, or the fast cloth solver lets them hang on the person; both are"
