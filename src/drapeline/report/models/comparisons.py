@@ -90,13 +90,15 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
         path,
         "All models fitted to the same scans",
         [
-            "Segmented scans of simulated samples of the test split, all of the dataset's and some"
-            " of those that models learn from (the fast solver's), with noise. The body is"
-            " estimated wrongly on purpose and fitted to each scan first; all models but the start get the"
-            " same points and the same fitted body, and wear their garments in the same way, but for the rows of SMPLicit"
-            " that hang (simulated on the person, who stands still), which are to be compared with"
-            " one another, and its other rows with the other models. Mean distances over the"
-            " area of the surfaces in mm, with 95 % intervals over samples. Models are compared on the garments that they know, so rows with other"
+            "Segmented scans of simulated samples of the test split, all of the dataset's and"
+            " some of those that models learn from (the fast solver's), with noise. The body is"
+            " estimated wrongly on purpose and fitted to each scan first; all models but the"
+            " start get the same points and the same fitted body, and wear their garments in"
+            " the same way, but for the rows of SMPLicit that hang (simulated on the person,"
+            " who stands still), which are to be compared with one another, and its other rows"
+            " with the other models. Mean distances over the area of the surfaces in mm, with"
+            " 95 % intervals over samples. Models are compared on the garments that they know,"
+            " so rows with other"
             f" numbers of garments are not about the same garments; the column"
             f" '{COMMON.capitalize()}' has the means over t-shirts, trousers and skirts, which all"
             " models know."
