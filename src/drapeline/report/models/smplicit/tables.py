@@ -51,13 +51,12 @@ _SECTIONS = (
             digits=_WHOLE,
         ),
         below="Simulated samples of the test split, of the dataset and of those that models"
-        " learn from (the fast solver's), in motion. Body and camera are known, and the fit sees the"
-        " segmentation alone. The mean code"
-        " here is that of the garment's class, such as all dresses. The training code of the class"
-        " with the least loss is the fair opponent: it needs no fit. Garments are skinned"
-        " with smoothed weights, or the fast cloth solver lets them hang on the person; both are"
-        " compared with the mean code worn in the same way. Where two people are in a picture, the"
-        " one in front hides a part of the other. Intervals are from resampling samples.",
+        " learn from (the fast solver's), in motion. Body and camera are known, and the fit sees"
+        " the segmentation alone. The mean code here is that of the garment's class, such"
+        " as all dresses. The training code of the class with the least loss is the fair"
+        " opponent: it needs no fit. Garments are skinned with smoothed weights, or"
+        " the fast cloth solver lets them hang on the person; both are compared"
+        " with the mean code worn in the same way. Where two people are in a picture, the one in front hides a part of the other. Intervals are from resampling samples.",
         by_source=True,
     ),
 )
