@@ -56,7 +56,8 @@ _SECTIONS = (
         " as all dresses. The training code of the class with the least loss is the fair"
         " opponent: it needs no fit. Garments are skinned with smoothed weights, or"
         " the fast cloth solver lets them hang on the person; both are compared"
-        " with the mean code worn in the same way. Where two people are in a picture, the one in front hides a part of the other. Intervals are from resampling samples.",
+        " with the mean code worn in the same way. Where two people are in a picture, the one"
+        " in front hides a part of the other. Intervals are from resampling samples.",
         by_source=True,
     ),
 )
