@@ -13,6 +13,7 @@ def dataset_card(
     """The dataset's `README.md`, of all samples and the rows of each statistics file, by name."""
     accepted = [record for record in records if record.accepted]
     parts = [
+        _header(accepted),
         "# Clothed humans in motion, simulated",
         _summary(accepted),
         "## Contents",
@@ -36,6 +37,37 @@ def dataset_card(
         _licence(accepted),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+# Upper end, exclusive -> the word of a Hugging Face dataset card for so many rows.
+_SIZES = {
+    1_000: "n<1K",
+    10_000: "1K<n<10K",
+    100_000: "10K<n<100K",
+    1_000_000: "100K<n<1M",
+}
+
+
+def _header(records: Sequence[SampleRecord]) -> str:
+    """What the Hugging Face Hub reads of a dataset: its table of samples is the index."""
+    size = next((word for most, word in _SIZES.items() if len(records) < most), "1M<n<10M")
+    return f"""\
+---
+pretty_name: Clothed humans in motion, simulated
+license: other
+tags:
+- 3d
+- clothing
+- human-body
+- cloth-simulation
+- CLOTH3D
+size_categories:
+- {size}
+configs:
+- config_name: samples
+  data_files: samples.tsv
+  sep: "\\t"
+---"""
 
 
 def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:

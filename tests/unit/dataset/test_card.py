@@ -1,6 +1,8 @@
 import re
 
+import pandas as pd
 import pytest
+import yaml
 
 from drapeline.dataset.card import dataset_card, markdown_table
 from drapeline.dataset.collect import collect_dataset
@@ -33,6 +35,11 @@ def test_the_card_is_written_from_the_data(folders, tmp_path):
     assert "bpy 4.5.15" in card
     assert "Clips used: c1.bvh, c3.bvh." in card
     assert "| `inside_share` | 0.005 | 0 | 0.01 |" in card
+    header = yaml.safe_load(card.split("---\n")[1])
+    (index,) = header["configs"]
+    read = pd.read_csv(tmp_path / "dataset" / index["data_files"], sep=index["sep"], dtype=str)
+    assert list(read["sample"]) == ["1", "3"]
+    assert header["size_categories"] == ["n<1K"]
     for table in re.findall(r"(?:^\|.*\|\n)+", card, flags=re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
 
