@@ -21,7 +21,7 @@ def run_notebook(path: Path, parameters: Mapping[str, Any]) -> tuple[dict[str, A
     variables: dict[str, Any] = {}
     shown = []
     for number, cell in enumerate(cells):
-        assert cell["outputs"] == [], f"cell {number} was committed with outputs"
+        assert not any(output["output_type"] == "error" for output in cell["outputs"])
         tree = ast.parse("".join(cell["source"]))
         last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
         exec(compile(tree, f"{path.name}, cell {number}", "exec"), variables)
