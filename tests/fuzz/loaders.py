@@ -3,9 +3,11 @@
 `LOADERS` is the list. Files are made once, by `make_files`, from the toys of the other tests.
 """
 
+import base64
 import json
 import pickle
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -23,13 +25,18 @@ from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
+from drapeline.dataset.animated_gltf import read_gltf
+from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.info_mat import read_info, read_placement
+from drapeline.dataset.moving_meshes import read_moving_meshes
 from drapeline.dataset.point_clouds import load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
+from drapeline.dataset.scene_part import ScenePart
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans, save_scans
 from drapeline.dataset.settings import CloudSettings
+from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.dataset.writer import write_sample
 from drapeline.experiment.checks import refuse_contradictions
 from drapeline.experiment.config import fill_settings
@@ -352,6 +359,55 @@ def _make_ply(folder: Path, encoding: str) -> None:
 
 def _make_garment(folder: Path) -> None:
     save_obj(folder / "skirt.obj", tube(0.3, -0.4, 0.05, around=16))
+
+
+def _moving_part() -> ScenePart:
+    mesh = tube(0.3, -0.4, 0.05, around=16)
+    points = np.stack([mesh.vertices + [0, 0, 0.1 * k] for k in range(3)]).astype(np.float32)
+    return ScenePart("Skirt", mesh, (0.5, 0.5, 0.5), lambda a, b: points[a:b], 3)
+
+
+def _make_gltf(folder: Path) -> None:
+    write_glb(folder / "a.glb", [_moving_part()])
+
+
+def _make_gltf_text(folder: Path) -> None:
+    corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(corners).decode()
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0, "translation": [0, 0, 1]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": uri}],
+    }
+    (folder / "a.gltf").write_text(json.dumps(document))
+
+
+def _make_moving_arrays(folder: Path) -> None:
+    part = _moving_part()
+    save_npz(folder / "a.npz", vertices=part.read(0, 3), faces=part.mesh.faces)
+
+
+def _read_moving(path: Path) -> object:
+    with ExitStack() as opened:
+        return [part.read(0, part.frame_count) for part in read_moving_meshes(path, opened)]
+
+
+def _make_worst_frame(folder: Path) -> None:
+    mesh = tube(0.3, -0.4, 0.05, around=16)
+    (folder / "extras").mkdir()
+    arrays = {"vertices": mesh.vertices, "faces": mesh.triangles}
+    save_npz(
+        folder / "extras" / "worst_frame.npz",
+        frame=3,
+        root_rotation=np.zeros(3),
+        body=mesh.vertices,
+        body_faces=mesh.triangles,
+        **{f"Skirt/{name}": value for name, value in arrays.items()},
+        **{"Skirt/wrong": np.zeros(len(mesh.vertices), bool)},
+    )
 
 
 def _make_untidy_obj(folder: Path) -> None:
@@ -792,6 +848,15 @@ def _loaders() -> Iterator[Loader]:
             ).frames(),
         )
     yield Loader("obj", _make_garment, lambda f: load_obj(f / "skirt.obj"))
+    yield Loader("gltf", _make_gltf, lambda f: read_gltf(f / "a.glb"))
+    yield Loader("gltf_text", _make_gltf_text, lambda f: read_gltf(f / "a.gltf"))
+    yield Loader("moving_arrays", _make_moving_arrays, lambda f: _read_moving(f / "a.npz"))
+    yield Loader(
+        "worst_frame",
+        _make_worst_frame,
+        lambda f: read_worst_frame(f),
+        "extras/*",
+    )
     yield Loader("untidy_obj", _make_untidy_obj, lambda f: load_obj(f / "mesh.obj"))
     yield Loader("garment", _make_garment, lambda f: load_user_garment(f / "skirt.obj", body()))
     yield Loader(

@@ -119,15 +119,20 @@ def _read_arrays(path: Path) -> list[ScenePart]:
         "body_faces?": "int<b g m",
     }
     arrays = load_npz(path, forms)
-    parts = [_moving(path.stem, arrays["vertices"], arrays["faces"])]
+    parts = [_moving(path, path.stem, arrays["vertices"], arrays["faces"])]
     if "body_vertices" in arrays:
         if "body_faces" not in arrays:
             raise InputError(f"{path}: has body_vertices but no body_faces, expected both")
-        parts.append(_moving(BODY, arrays["body_vertices"], arrays["body_faces"]))
+        parts.append(_moving(path, BODY, arrays["body_vertices"], arrays["body_faces"]))
     return parts
 
 
-def _moving(name: str, vertices: np.ndarray, faces: np.ndarray) -> ScenePart:
+def _moving(path: Path, name: str, vertices: np.ndarray, faces: np.ndarray) -> ScenePart:
+    if not len(vertices) or not len(faces) or faces.shape[1] not in (3, 4):
+        raise InputError(
+            f"{path}: {name} has vertices {vertices.shape} and faces {faces.shape}, expected frames"
+            " (F, V, 3), and triangles or quads"
+        )
     points = np.asarray(vertices, dtype=np.float32)
     return _part(name, Mesh(points[0], np.asarray(faces, dtype=np.int32)), points)
 
