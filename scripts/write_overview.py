@@ -1,5 +1,6 @@
 """Rule `write_overview`: the front page of the report, as soon as the samples are there."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,4 +19,8 @@ with rule_log(snakemake.log[0]):
             for shard in snakemake.input.pictures
             for path in Path(shard).glob("*[0-9].png")
         },
+    )
+    gallery = Path(snakemake.output[0]).parents[1] / "gallery"
+    sys.stdout.write(
+        f"drapeline: all samples are there to be looked at: {snakemake.output[0]}, {gallery}\n"
     )

@@ -17,7 +17,7 @@ def write(toy_body, tmp_path):
     return run
 
 
-def test_samples_become_a_dataset_that_the_reader_opens(run_rule, write, tmp_path):
+def test_samples_become_a_dataset_that_the_reader_opens(run_rule, write, tmp_path, capsys):
     truth = {name: write(name, split) for name, split in (("00001", "train"), ("00002", "test"))}
     write("00003", status="rejected")
     run_rule(
@@ -25,6 +25,8 @@ def test_samples_become_a_dataset_that_the_reader_opens(run_rule, write, tmp_pat
         input=[tmp_path / f"0000{k}" / "samples" for k in (1, 2, 3)],
         output={"dataset": tmp_path / "dataset"},
     )
+    said = capsys.readouterr().out
+    assert said.startswith("drapeline: 2 of 3 samples accepted (1 rejected: 1.20 % of the vertices")
     dataset = Cloth3D(tmp_path / "dataset")
     assert sorted(s.id for s in dataset) == ["00001", "00002"]
     for sequence in dataset:
@@ -34,6 +36,17 @@ def test_samples_become_a_dataset_that_the_reader_opens(run_rule, write, tmp_pat
     assert len(rows) == 4
     assert "rejected" in rows[3]
     assert "1.20 %" in rows[3]
+
+
+def test_a_run_in_which_no_sample_is_accepted_fails_with_the_reasons(run_rule, write, tmp_path):
+    for name in ("00001", "00002"):
+        write(name, status="rejected")
+    with pytest.raises(SystemExit, match="0 of 2 samples accepted .2 rejected by 1.20 % of the"):
+        run_rule(
+            "collect_dataset",
+            input=[tmp_path / f"0000{k}" / "samples" for k in (1, 2)],
+            output={"dataset": tmp_path / "dataset"},
+        )
 
 
 def test_export_sample_writes_the_format_it_is_asked_for(run_rule, write, tmp_path):

@@ -62,7 +62,7 @@ def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
     assert "outfits\tmake_outfit\t1\t3.5" in output["table"].read_text()
 
 
-def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path):
+def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path, capsys):
     still = tmp_path / "gallery" / "00001.png"
     still.parent.mkdir()
     Image.new("RGB", (48, 64), "grey").save(still)
@@ -72,6 +72,21 @@ def test_write_overview_shows_stills_and_samples(run_rule, dataset, tmp_path):
         output=[tmp_path / "overview.html"],
     )
     assert "<strong>00001</strong>" in (tmp_path / "overview.html").read_text()
+    assert "all samples are there to be looked at: " in capsys.readouterr().out
+
+
+def test_the_first_pictures_are_announced_with_a_page_that_fills_up(
+    run_rule, tmp_path, toy_body, capsys
+):
+    for number, words in (("00001", "drapeline: first pictures: "), ("00002", "")):
+        sample = write_tiny_sample(tmp_path / number, toy_body, number, frames=2).folder
+        output = tmp_path / "gallery" / "dataset" / number
+        run_rule("render_gallery", input=[sample.parent], output=[output], params={"rays": 0.1})
+        assert (output / f"{number}_moving.png").is_file()
+        said = capsys.readouterr().out
+        assert said.startswith(words) if words else not said
+    index = (tmp_path / "gallery" / "index.html").read_text()
+    assert all(f"{number}_moving.png" in index for number in ("00001", "00002"))
 
 
 def test_write_errors_shows_numbers(run_rule, tmp_path):

@@ -177,8 +177,6 @@ rule write_overview:
         runtime=10,
     params:
         code=source_hash("write_overview"),
-    message:
-        f"All samples are there to be looked at: {RESULTS}/gallery, and in a moment {{output}}."
     script:
         "../../scripts/write_overview.py"
 
