@@ -57,11 +57,12 @@ def simulate(solver: str, results: str, folder: str, *samples: str) -> None:
 
     module, accelerator = SOLVERS[solver]
     cloth = import_module(module).cloth_solver(1, accelerator)
-    outfits = Path(results) / "outfits"
     for sample in samples:
-        outfit = load_outfit(outfits / f"{sample}.npz", outfits / f"{sample}.json")
+        (arrays,) = Path(results).glob(f"outfits/*/*/{sample}.npz")
+        outfit = load_outfit(arrays, arrays.with_suffix(".json"))
         body = Path(results).parent / f"resources/body/{outfit.gender}.npz"
-        motion = load_body_sequence(Path(results) / f"bodies/{sample}.npz")
+        (record,) = Path(results).glob(f"bodies/*/*/{sample}.npz")
+        motion = load_body_sequence(record)
         simulate_outfit(
             f"{folder}/{sample}",
             DressedBody(load_body(body), motion, outfit),

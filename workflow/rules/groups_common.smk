@@ -205,7 +205,6 @@ def gallery_labels(wildcards, input):
         "sample": wildcards.sample,
         "motion": meta["motion"]["sequence"],
         "wears": outfit_text(meta),
-        "kind": "moving" if wildcards.moving else "still",
     }
 
 

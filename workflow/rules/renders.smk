@@ -9,10 +9,10 @@ rule render_gallery:
     input:
         SAMPLE,
     output:
-        # A report shows PNG in the page, animated ones too, but offers WebP and GIF as downloads.
+        # Moving pictures would be half of a report; its front page has small ones of all samples.
         report(
             directory(f"{RESULTS}/gallery/{{group}}/{{shard}}"),
-            patterns=[r"{sample,\w*\d}{moving,(_moving)?}.png"],
+            patterns=[r"{sample,\w*\d}.png"],
             caption="../report/gallery.rst",
             category="Gallery",
             labels=gallery_labels,

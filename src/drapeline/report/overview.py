@@ -25,9 +25,9 @@ from drapeline.schema import Table, read_table
 # The page must stay below what browsers open in a frame, together with its pictures' base64.
 _SHEET_BYTES = 700_000
 _SHEET_MAX = 400
-_SHEET_WIDTHS = (180, 120, 80)
+_SHEET_FORMS = ((180, True), (180, False), (120, False), (80, False))  # width, and whether moving
 _SHOWN = 8
-_SHOWN_HEIGHT = 400
+_SHOWN_WIDTH = 300
 _SHOWN_FRAMES = 45  # 3 s of the gallery's moving pictures
 _STYLE = """<style>
 .overview .shown { display: grid; gap: 4px;
@@ -261,16 +261,11 @@ def _numbers(figures: Iterable[KeyNumber]) -> str:
 
 
 def _wall(pictures: Sequence[str | Path]) -> str:
-    """Samples in motion; a still where there is no moving picture beside it."""
-    images = ""
-    for picture in map(Path, pictures):
-        moving = picture.with_name(f"{picture.stem}_moving{picture.suffix}")
-        uri = (
-            _uri(_webp(moving), "webp")
-            if moving.is_file()
-            else _uri(_jpeg(picture, height=_SHOWN_HEIGHT))
-        )
-        images += f'<img src="{uri}" alt="Sample {escape(picture.stem)}">'
+    """Some samples in motion."""
+    uris = {Path(picture).stem: _small(picture, _SHOWN_WIDTH, moving=True) for picture in pictures}
+    images = "".join(
+        f'<img src="{uri}" alt="Sample {escape(sample)}">' for sample, uri in uris.items()
+    )
     return f'<div class="shown">{images}</div>' if images else ""
 
 
@@ -278,16 +273,15 @@ def _sheet(status: Table, worn: Mapping[str, str], pictures: Mapping[str, str | 
     """All samples in small or, of very many, as many as the page has room for."""
     shown = status[status["sample"].isin([*pictures])]
     rows = _evenly(list(shown.itertuples()), _SHEET_MAX)
-    for width in _SHEET_WIDTHS:
-        small = [_jpeg(pictures[row.sample], width=width) for row in rows]
+    for width, moving in _SHEET_FORMS:
+        small = [_small(pictures[row.sample], width, moving=moving) for row in rows]
         size = sum(map(len, small))
         if size <= _SHEET_BYTES:
             break
     room = len(rows) if size <= _SHEET_BYTES else int(len(rows) * _SHEET_BYTES / size)
     cells = "\n".join(
-        f'<figure><img src="{_uri(data)}" alt=""><figcaption>{_caption(row, worn)}</figcaption>'
-        "</figure>"
-        for row, data in _evenly(list(zip(rows, small, strict=True)), room)
+        f'<figure><img src="{uri}" alt=""><figcaption>{_caption(row, worn)}</figcaption></figure>'
+        for row, uri in _evenly(list(zip(rows, small, strict=True)), room)
     )
     note = f"<p>{room} of {len(status)}.</p>" if room < len(status) else ""
     return f'{note}<div class="sheet">\n{cells}\n</div>'
@@ -304,16 +298,24 @@ def _evenly(items: Sequence, count: int) -> list:
     return [items[k] for k in chosen]
 
 
-def _jpeg(path: str | Path, *, width: int = 0, height: int = 0) -> bytes:
+def _small(picture: str | Path, width: int, *, moving: bool) -> str:
+    """A picture this wide as a URI; in motion, if that is wanted and lies beside it."""
+    beside = Path(picture).with_name(f"{Path(picture).stem}_moving{Path(picture).suffix}")
+    if moving and beside.is_file():
+        return _uri(_webp(beside, width), "webp")
+    return _uri(_jpeg(picture, width), "jpeg")
+
+
+def _jpeg(path: str | Path, width: int) -> bytes:
     stream = io.BytesIO()
     with Image.open(path) as picture:
         small = picture.convert("RGB")
-        small.thumbnail((width or picture.width, height or picture.height))
+        small.thumbnail((width, picture.height))
         small.save(stream, format="JPEG", quality=82, optimize=True)
     return stream.getvalue()
 
 
-def _webp(path: Path) -> bytes:
+def _webp(path: Path, width: int) -> bytes:
     """A moving picture again, smaller and shorter, that begins anew when it has ended."""
     stream = io.BytesIO()
     with Image.open(path) as picture:
@@ -322,7 +324,7 @@ def _webp(path: Path) -> bytes:
         for number in range(min(picture.n_frames, _SHOWN_FRAMES)):
             picture.seek(number)
             frame = picture.convert("RGB")
-            frame.thumbnail((frame.width, _SHOWN_HEIGHT))
+            frame.thumbnail((width, frame.height))
             frames.append(frame)
     first, *others = frames
     first.save(
@@ -338,6 +340,6 @@ def _webp(path: Path) -> bytes:
     return stream.getvalue()
 
 
-def _uri(data: bytes, kind: str = "jpeg") -> str:
+def _uri(data: bytes, kind: str) -> str:
     # In lines, for reStructuredText, which the front page passes through, refuses long ones.
     return f"data:image/{kind};base64,{base64.encodebytes(data).decode()}"

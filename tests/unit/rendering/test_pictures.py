@@ -45,13 +45,13 @@ def test_sheet_holds_every_picture_titles_labels_and_the_bar(tmp_path):
     path = tmp_path / "sheet.png"
     rows = [[GridCell(red), GridCell(green)], [GridCell(red)]]
     save_grid(path, rows, columns=["a", "b"], labels=["one\ntwo", "x"])
-    sheet = np.asarray(Image.open(path))
+    sheet = np.asarray(Image.open(path).convert("RGB"))
     assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 1200
     assert (sheet == [0, 255, 0]).all(-1).sum() == 1200
     left = np.flatnonzero((sheet == [255, 0, 0]).all(-1).any(axis=0))[0]
     assert (sheet[:, :left] < 100).any()  # the labels
     save_grid(path, [[GridCell(red)] * 5], heat_mm=SPAN_MM)
-    heated = np.asarray(Image.open(path)).astype(int)
+    heated = np.asarray(Image.open(path).convert("RGB")).astype(int)
     for end in (0, 1):
         colour = np.round(255 * heat_colour(end))
         assert (np.abs(heated - colour).max(-1) <= 2).sum() >= 16
@@ -61,11 +61,11 @@ def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
     red = np.full((40, 60, 3), (255, 0, 0), np.uint8)
     path = tmp_path / "sheet.png"
     save_grid(path, [[GridCell(red), None], [None, GridCell(red)]])
-    plain = np.asarray(Image.open(path))
+    plain = np.asarray(Image.open(path).convert("RGB"))
     assert (plain == [255, 0, 0]).all(-1).sum() == 2 * 2400
     rows = [[GridCell(red, "x"), GridCell(red)]]
     save_grid(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat_mm=SPAN_MM)
-    sheet = np.asarray(Image.open(path)).astype(int)
+    sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)
     red_at = np.argwhere((sheet == [255, 0, 0]).all(-1))
     assert 2 * 2400 - 120 < len(red_at) < 2 * 2400  # one caption covers some of it
     top, left = red_at.min(axis=0)
@@ -80,7 +80,7 @@ def test_contact_sheet_has_a_place_for_every_picture(tmp_path):
     red, green = (np.full((20, 10, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 255, 0)))
     save_contact_sheet(tmp_path / "sheet.png", [(red, "1"), (green, "2"), (red, "3")], 2)
     with Image.open(tmp_path / "sheet.png") as image:
-        sheet = np.asarray(image)
+        sheet = np.asarray(image.convert("RGB"))
     assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 200
     assert (sheet == [0, 255, 0]).all(-1).sum() == 200
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import meta_path, read_meta, read_record
@@ -22,12 +21,16 @@ from drapeline.rendering.camera import (
     look_at,
     view_direction,
 )
-from drapeline.rendering.pictures import save_animation, save_contact_sheet, text_card
+from drapeline.rendering.pictures import (
+    save_animation,
+    save_contact_sheet,
+    save_picture,
+    text_card,
+)
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
 from drapeline.report.html import write_page
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_file
 
 _DISTANCE_M = 7.0
 _TARGET_HEIGHT_M = 0.93
@@ -66,12 +69,12 @@ def render_gallery(
     """
     meta = read_meta(folder) if meta_path(folder).is_file() else {"status": "accepted"}
     if meta["status"] != "accepted":
-        _save_still(still, _rejected(folder, meta, still_size))
-        _save_still(moving, _rejected(folder, meta, moving_size))
+        save_picture(still, _rejected(folder, meta, still_size))
+        save_picture(moving, _rejected(folder, meta, moving_size))
         return
     with Sample(folder) as sample:
         parts = scene_parts(sample)
-        _save_still(still, _middle_shot(sample, parts, still_size))
+        save_picture(still, _middle_shot(sample, parts, still_size))
         frames = range(0, len(sample), frame_step)
         cameras = _cameras(sample, parts, frames, moving_size)
         pictures = [
@@ -195,11 +198,6 @@ def _rejected(folder: str | Path, meta: Mapping[str, Any], size: tuple[int, int]
 
 def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
     return text_card(f"{meta['id']}: {meta['status']}", meta.get("reason", ""), size)
-
-
-def _save_still(path: str | Path, picture: np.ndarray) -> None:
-    with atomic_file(path) as scratch:
-        Image.fromarray(picture).save(scratch, format="PNG")
 
 
 def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
