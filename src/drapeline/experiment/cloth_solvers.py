@@ -21,7 +21,7 @@ class SolverEntry(NamedTuple):
 
 CLOTH_SOLVERS = {
     "blender": SolverEntry("drapeline.blender.solver", "blender", False, 80),
-    "xpbd": SolverEntry("drapeline.xpbd.solver", "geometry", True, 10),
+    "xpbd": SolverEntry("drapeline.xpbd.solver", "geometry", True, 20),
 }
 # Where cloth only hangs on somebody who stands still, nobody chooses.
 QUICK_SOLVER = min(CLOTH_SOLVERS.values(), key=lambda solver: solver.sample_s)

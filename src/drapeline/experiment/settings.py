@@ -134,7 +134,7 @@ class Simulation(Settings):
         "blender",
         description=(
             "The cloth solver that moves the garments. `blender` is the reference; `xpbd`, ours, "
-            "is about eight times as fast."
+            "is about five times as fast."
         ),
     )
     accelerator: Literal["cpu", "gpu", "auto"] = Field(

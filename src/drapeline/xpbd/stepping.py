@@ -226,7 +226,7 @@ class XpbdSettings:
     self_gap_m: float = 0.005  # distance between parts of a garment
     # Of how far apart parts of a garment are at rest, how far from each other they are looked for.
     rest_share: float = 0.9
-    part_sweeps: int = 5  # of keeping cloth apart at the end of a small step
+    part_sweeps: int = 3  # of keeping cloth apart at the end of a small step
     # Where a frame has to be gone through again: such sweeps, and small steps between searches.
     careful_sweeps: int = 10
     careful_steps: int = 2
@@ -244,7 +244,7 @@ class XpbdSettings:
     release_m_s: float = 0.567
     # How fast cloth may slip past the body and still be held, however light the contact is.
     stick_m_s: float = 0.0378
-    untangle_rounds: int = 40  # of moving what passes through cloth at the end of a frame
+    untangle_rounds: int = 100  # of moving what passes through cloth at the end of a frame
     untangle_m_s: float = 0.945  # how fast cloth that passes through cloth is moved, at most
     pin_pull: float = 0.3  # share of the way to where it is held that a pin goes in a small step
 
@@ -567,20 +567,19 @@ class MovingCloth:
     def arrive(self) -> list[np.ndarray]:
         """Vertices (V, 3) of each garment in the frame that was set out for.
 
-        A frame in which more passes through than in the one before is gone through again, with so
-        many searches that nothing which comes near is overlooked.
+        What passes through is pulled apart. A frame in which more is left than in the one before is
+        gone through again, with so many searches that nothing which comes near is overlooked.
         """
-        crossing = self._look()
-        if len(crossing) > len(self._crossing):
-            with wp.ScopedDevice(self._device):
+        with wp.ScopedDevice(self._device):
+            crossing = self._pull_apart(self._look())
+            if len(crossing) > len(self._crossing):
                 for kept, array in zip(self._kept, self._state, strict=True):
                     wp.copy(array, kept)
+                self._crossed.take(self._crossing)
                 self._keep_apart.most = self._settings.careful_sweeps
                 self._step(self._body_every, self._settings.careful_steps)
                 self._keep_apart.most = self._settings.part_sweeps
-            crossing = self._look()
-        with wp.ScopedDevice(self._device):
-            crossing = self._pull_apart(crossing)
+                crossing = self._pull_apart(self._look())
         self._crossing = crossing
         return self._system.split(self._place.numpy().copy())
 
