@@ -45,8 +45,8 @@ def name_joints(take: Take) -> dict[str, str]:
     chest = _meeting(take, found["left_shoulder"], found["right_shoulder"])
     if pelvis < 0 or chest < 0:
         return {}
-    above = _ancestors(take, pelvis)
-    spine = [index for index in _ancestors(take, chest)[::-1] if index not in above]
+    above = ancestors(take, pelvis)
+    spine = [index for index in ancestors(take, chest)[::-1] if index not in above]
     found |= {"pelvis": pelvis, **spine_levels(spine)}
     for name in ("neck", "head"):
         for index, (side, word) in words.items():
@@ -95,7 +95,7 @@ def spine_levels(spine: Sequence[int]) -> dict[str, int]:
     return dict(zip(levels, spine, strict=True))
 
 
-def _ancestors(take: Take, joint: int) -> list[int]:
+def ancestors(take: Take, joint: int) -> list[int]:
     """A joint and those above it, up to the root."""
     above = [joint]
     while take.parents[above[-1]] >= 0:
@@ -105,12 +105,12 @@ def _ancestors(take: Take, joint: int) -> list[int]:
 
 def _meeting(take: Take, first: int, second: int) -> int:
     """The lowest joint that is above both, or -1."""
-    above = set(_ancestors(take, second)[1:])
-    return next((joint for joint in _ancestors(take, first)[1:] if joint in above), -1)
+    above = set(ancestors(take, second)[1:])
+    return next((joint for joint in ancestors(take, first)[1:] if joint in above), -1)
 
 
 def _descend(take: Take, joints: Sequence[int]) -> bool:
     """Whether the joints are all there and each hangs from the one before."""
     return min(joints) >= 0 and all(
-        upper in _ancestors(take, lower)[1:] for upper, lower in pairwise(joints)
+        upper in ancestors(take, lower)[1:] for upper, lower in pairwise(joints)
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.motions.joint_names import spine_levels
+from drapeline.motions.joint_names import ancestors, spine_levels
 from drapeline.motions.skeleton import Take
 
 _ALIKE = 0.06  # difference of bones that mirror one another, as a share
@@ -36,7 +36,7 @@ def find_joints(take: Take) -> dict[str, str]:
     pairs = [pair for pair in pairs if pair.length > _LIMB_SHARE * longest]
     if len(pairs) != 2:
         return {}
-    above = [_above(take, pair.parent) for pair in pairs]
+    above = [ancestors(take, pair.parent) for pair in pairs]
     if pairs[0].parent == pairs[1].parent:
         return {}
     if pairs[1].parent in above[0]:
@@ -56,7 +56,7 @@ def find_joints(take: Take) -> dict[str, str]:
     for side, (leg, arm) in zip(sides, parts, strict=True):
         arm_parts = _limb(take, arm, ("shoulder", "elbow", "wrist", "hand"), before="collar")
         found |= {f"{side}_{name}": joint for name, joint in {**leg, **arm_parts}.items()}
-    spine = [j for j in _above(take, arms.parent)[::-1] if j not in _above(take, legs.parent)]
+    spine = [j for j in ancestors(take, arms.parent)[::-1] if j not in ancestors(take, legs.parent)]
     found |= spine_levels(spine)
     found |= _neck(take, arms)
     return {joint: take.names[index] for joint, index in found.items()}
@@ -105,14 +105,6 @@ def _chain(take: Take, joint: int) -> list[int]:
 def _bones(take: Take, chain: Sequence[int]) -> list[float]:
     """Distance of each joint of a chain from the one above."""
     return [float(np.linalg.norm(take.offsets[joint])) for joint in chain]
-
-
-def _above(take: Take, joint: int) -> list[int]:
-    """A joint and those above it, up to the root."""
-    above = [joint]
-    while take.parents[above[-1]] >= 0:
-        above.append(int(take.parents[above[-1]]))
-    return above
 
 
 def _limb(take: Take, chain: Sequence[int], names: Sequence[str], *, before: str) -> dict[str, int]:
