@@ -183,7 +183,7 @@ def test_a_sample_is_judged_by_the_bounds_of_its_rule(run_rule, stages):
     assert [attempt["status"] for attempt in again["attempts"]] == ["rejected", "rejected"]
     assert again["attempts"][1]["steps"] > 7
     files = [path.name for path in (stages / "samples" / "00001").rglob("*") if path.is_file()]
-    assert sorted(files) == ["manifest.tsv", "meta.json"]
+    assert sorted(files) == ["manifest.tsv", "meta.json", "worst_frame.npz"]
 
 
 def test_an_attempt_that_another_bound_asks_for_may_be_accepted(run_rule, stages):

@@ -30,7 +30,9 @@ def convert_fbx(source: str | Path, target: str | Path) -> None:
         bpy.ops.wm.fbx_import(filepath=str(source))
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1].removeprefix("Error: ")
-        raise InputError(f"{source}: not readable as FBX ({reason})") from error
+        raise InputError(
+            f"{source}: not readable as FBX ({reason}), expected a binary FBX"
+        ) from error
     moving = [
         (thing.animation_data.action.frame_range, thing)
         for thing in bpy.data.objects

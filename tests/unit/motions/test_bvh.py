@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -123,8 +125,10 @@ def test_a_missing_file_is_named(tmp_path):
 
 def test_unknown_joints_are_listed_with_what_to_write(walk):
     path = edited(walk[0], "JOINT LeftUpLeg", "JOINT Oberschenkel")
+    take = read_bvh(path)
+    shapeless = replace(take, offsets=np.zeros_like(take.offsets))
     with pytest.raises(InputError, match="Oberschenkel.*'joint_map' YAML"):
-        built_in_map(read_bvh(path))
+        built_in_map(shapeless)
 
 
 def test_a_count_that_the_file_cannot_hold_is_refused_from_the_header(walk):

@@ -155,7 +155,7 @@ def test_neighbours_ring_the_worst_place_beside_its_close_up(made, tmp_path):
     twice = SkinnedTwice("a", "Skirt", TUBE, FACES, nearest, TUBE, 0.9 * TUBE, FACES, 1.0)
     plot_neighbours(tmp_path / "f7.png", [twice], 256)
     np.testing.assert_allclose(made[0][1].vertices - made[2][1].vertices, nearest - TUBE)
-    sheet = np.asarray(Image.open(tmp_path / "f7.png")).astype(int)
+    sheet = np.asarray(Image.open(tmp_path / "f7.png").convert("RGB")).astype(int)
     left = sheet.shape[1] - 4 * 256
     for column in range(4):
         panel = sheet[:, left + 256 * column : left + 256 * (column + 1)]
