@@ -69,7 +69,7 @@ class HealthBounds(Settings):
     """Bounds that a sample must keep to be accepted."""
 
     inside_open_mean: float = Field(
-        0.01,
+        0.006,
         ge=0,
         le=1,
         description=(
@@ -79,7 +79,7 @@ class HealthBounds(Settings):
     )
     inside_open_max: float = Field(0.05, ge=0, le=1, description="The same, in the worst frame.")
     depth_m: float = Field(
-        0.03,
+        0.025,
         ge=0,
         le=1,
         description=(
@@ -88,7 +88,7 @@ class HealthBounds(Settings):
         ),
     )
     stretch_low: float = Field(
-        0.75,
+        0.7,
         ge=0,
         le=1,
         description=(
@@ -98,7 +98,7 @@ class HealthBounds(Settings):
     )
     stretch_high: float = Field(1.25, ge=1, le=10, description="The same, 99th percentile.")
     slip_m: float = Field(
-        0.25, ge=0, le=2, description="How far a garment may slide along the body, in metres."
+        0.3, ge=0, le=2, description="How far a garment may slide along the body, in metres."
     )
     layer_share_mean: float = Field(
         0.05,

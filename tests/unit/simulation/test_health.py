@@ -147,7 +147,7 @@ def test_only_what_is_out_of_bounds_is_named(ball):
     assert violations(good, HealthBounds()) == []
     bad = summary(watch(ball, [0.98 * vertices] * 3))
     (reason, *others) = violations(bad, HealthBounds())
-    assert reason == "inside_open_mean 1, expected at most 0.01"
+    assert reason == "inside_open_mean 1, expected at most 0.006"
     assert [o.split()[0] for o in others] == ["inside_open_max"]
 
 
