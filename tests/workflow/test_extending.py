@@ -487,7 +487,7 @@ def test_nothing_but_the_table_and_settings_name_a_cloth_solver():
 
     Nor do configs, which choose one, and the profile that says which simulations ask for a GPU.
     """
-    other = re.compile(r"envs/blender\.yaml|drapeline\.blender\.(render|export)\b")
+    other = re.compile(r"envs/blender\.yaml|drapeline\.blender\.(render|export|usd|fbx)\b")
     names = re.compile(rf"\b({'|'.join(CLOTH_SOLVERS)})\b")
     rooms = [ROOT.joinpath("src", *one.code.split(".")[:2]) for one in CLOTH_SOLVERS.values()]
     chosen = [ROOT / "workflow/config", ROOT / "workflow/profiles"]

@@ -97,7 +97,8 @@ def test_the_wheel_names_the_versions_and_extras(wheel):
         (name,) = (one for one in archive.namelist() if one.endswith(".dist-info/METADATA"))
         text = archive.read(name).decode()
         assert any(one.endswith(".html") for one in archive.namelist())
-    assert set(re.findall(r"^Provides-Extra: (\w+)", text, re.M)) == {"torch", "pipeline", "dev"}
+    extras = {"dress", "torch", "pipeline", "notebook", "dev"}
+    assert set(re.findall(r"^Provides-Extra: (\w+)", text, re.M)) == extras
     assert re.search(r"^Requires-Python: (.*)", text, re.M)[1] == ">=3.10"
 
 

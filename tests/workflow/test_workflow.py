@@ -57,7 +57,7 @@ def test_published_samples_and_their_pictures_come_before_anything_else(project)
     first, others = [], []
     for rule, text in re.findall(r"^rule (\w+):\n((?: .*\n)+)", planned, re.MULTILINE):
         priority = re.search(r"^ +priority: ([\d.]+)$", text, re.MULTILINE)
-        pictures = rule in ("render_gallery", "collect_dataset")
+        pictures = rule in ("render_gallery", "collect_dataset", "write_overview")
         if pictures or (rule in steps and "group=dataset," in text):
             first.append(float(priority[1]))
         elif rule not in shared:

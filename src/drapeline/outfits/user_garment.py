@@ -20,6 +20,7 @@ from drapeline.geometry.mesh import (
     half_edges,
 )
 from drapeline.geometry.obj import load_obj
+from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.wearable import check_wearable
 
 LOGGER = logging.getLogger("drapeline")
@@ -95,11 +96,16 @@ def garment_type(path: str | Path, body: BodyModel, *, mend: bool = False) -> st
     mesh = load_user_garment(path, body, mend=mend)
     x, _, z = mesh.vertices.T
     legs = "legs" in openings(mesh)
-    if z.max() < _CHEST_M:
-        return "Trousers" if legs else "Skirt"
-    if legs or z.min() < _THIGH_M:
-        return "Jumpsuit" if legs else "Dress"
-    return "Tshirt" if np.abs(x).max() > _SLEEVE_M else "Top"
+    region = "lower" if z.max() < _CHEST_M else "whole"
+    if region == "whole" and not legs and z.min() > _THIGH_M:
+        region = "upper"
+    alike = {
+        name: kind.sleeve_chance
+        for name, kind in GARMENT_TYPES.items()
+        if kind.region == region and (region == "upper" or kind.skirt != legs)
+    }
+    sign = 1 if np.abs(x).max() > _SLEEVE_M else -1
+    return max(alike, key=lambda name: sign * alike[name])
 
 
 def rims(path: str | Path, mesh: Mesh, names: Sequence[str], width_m: float) -> np.ndarray:
