@@ -4,11 +4,12 @@ import base64
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from drapeline.dataset.collect import accepted_records
 from drapeline.dataset.record import SampleRecord, outfit_text
@@ -321,9 +322,8 @@ def _webp(path: Path, width: int) -> bytes:
     with Image.open(path) as picture:
         pause_ms = picture.info.get("duration", 66)
         frames = []
-        for number in range(min(picture.n_frames, _SHOWN_FRAMES)):
-            picture.seek(number)
-            frame = picture.convert("RGB")
+        for shown in islice(ImageSequence.Iterator(picture), _SHOWN_FRAMES):
+            frame = shown.convert("RGB")
             frame.thumbnail((width, frame.height))
             frames.append(frame)
     first, *others = frames
