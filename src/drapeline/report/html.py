@@ -21,10 +21,11 @@ th, td { padding: .32rem .8rem .32rem 0; text-align: left; vertical-align: top;
 th { font-weight: 600; border-bottom: 2px solid #6b6f76; vertical-align: bottom; cursor: pointer; }
 th[aria-sort=ascending]::after { content: " \\25B4"; }
 th[aria-sort=descending]::after { content: " \\25BE"; }
-table.many { font-size: .77rem; } table.many :is(th, td) { padding-right: .25rem; }
-table.many th { font-size: .75rem; } table.many .theirs { padding-left: .1rem; }
+table.many { font-size: .77rem; } table.many :is(th, td) { padding-right: .15rem; }
+table.many th { font-size: .75rem; letter-spacing: -.035em; }
+table.many .theirs { padding-left: .1rem; }
 td:first-child { min-width: 5rem; max-width: 22rem; }
-table.many td:first-child { min-width: 6rem; }
+table.many td:first-child { min-width: 5rem; }
 td.number, th.number { text-align: right; }
 tr:hover td { background: #f4f7fa; }
 td.good { color: #00694d; } td.bad { color: #b03a00; font-weight: 600; }
