@@ -15,10 +15,9 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.mesh import edges
 from drapeline.outfits.garment_types import BODY, GARMENTS, layered
 from drapeline.rule_log import progress
-from drapeline.simulation.health import HealthGarment, HealthMonitor, summary
+from drapeline.simulation.health import HealthMonitor, summary, watch_mesh
 from drapeline.storage import write_json
 
 LOGGER = logging.getLogger("drapeline")
@@ -72,11 +71,16 @@ def _find(args: argparse.Namespace, opened: ExitStack) -> tuple[list[ScenePart],
     parts = [part for file in args.files for part in _read(file, opened, args.fps)]
     wanted = args.body or BODY
     bodies = [part for part in parts if part.name.lower() == wanted.lower()]
-    garments = [part for part in parts if part not in bodies]
+    garments = [part for part in parts if part.name.lower() != wanted.lower()]
+    names = [part.name for part in garments]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"two meshes are called {twice}, expected a name for each garment")
     if args.body and not bodies:
         if not Path(args.body).exists():
-            names = ", ".join(part.name for part in parts)
-            raise InputError(f"--body {args.body}: no file, expected one or one of {names}")
+            raise InputError(
+                f"--body {args.body}: no file, expected one or one of {', '.join(names)}"
+            )
         bodies = _read(args.body, opened, args.fps)
     if len(bodies) > 1:
         raise InputError(f"--body: {len(bodies)} meshes are called {wanted}, expected one")
@@ -116,7 +120,11 @@ def _measure(
 ) -> dict[str, dict[str, float]]:
     """Garment -> measure -> value."""
     monitor = HealthMonitor(
-        [_watched(part, elastics) for part in garments],
+        [
+            # Where a file has no mesh at rest, the first frame stands for it.
+            watch_mesh(part.name, part.mesh.vertices, part.mesh.faces, elastics.get(part.name))
+            for part in garments
+        ],
         None if body is None else body.mesh.triangles,
         fps=fps,
     )
@@ -132,17 +140,6 @@ def _measure(
         numbers = summary(one)
         found[part.name] = {name: value for name, value in numbers.items() if np.isfinite(value)}
     return found
-
-
-def _watched(part: ScenePart, elastics: dict[str, np.ndarray]) -> HealthGarment:
-    """With its lengths at rest, as the file has it at rest, or else in the first frame."""
-    pairs = edges(part.mesh.faces)
-    ends = part.mesh.vertices[pairs].astype(np.float64)
-    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    lengths[lengths == 0] = np.nan
-    if part.name in elastics:
-        lengths[(elastics[part.name][pairs] > 0).any(axis=1)] = np.nan
-    return HealthGarment(part.name, part.mesh.faces, lengths)
 
 
 def _about(garments: Sequence[ScenePart], body: ScenePart | None, fps: float) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from drapeline.bodies.model import free_body, load_body
+from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.commands.health_table import health_lines
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.mesh_files import write_caches, write_obj_sequence
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     motion = cut_piece(motion, args.start, stop, speed=1.0, mirrored=False)
     LOGGER.info("motion: %.1f s of %s", len(motion) / FPS, args.motion)
     body = load_body(args.body or free_body(args.gender))
-    own = dict(_own_garment(text, args) for text in args.garment)
+    own = dict(_own_garment(text, body, args) for text in args.garment)
     bmi = _BMI if args.bmi is None else (args.bmi, args.bmi)
     outfit = {} if args.edge_length is None else {"edge_length_m": args.edge_length}
     with TemporaryDirectory(prefix="drapeline-") as name:
@@ -157,12 +157,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _own_garment(text: str, args: argparse.Namespace) -> tuple[str, OwnGarment]:
+def _own_garment(text: str, body: BodyModel, args: argparse.Namespace) -> tuple[str, OwnGarment]:
     """Type of a garment of one's own, and the garment."""
     name, equals, path = text.partition("=")
     if not equals or not _known(name):
         name, path = "", text
-    body = load_body(args.body or free_body(args.gender))
     return (
         _known(name) or garment_type(path, body, mend=args.mend),
         OwnGarment(path=path, fabric=args.fabric, mend=args.mend),

@@ -101,8 +101,8 @@ class _Scene:
     def _take(self, sampler: dict[str, Any], target: dict[str, Any]) -> None:
         if "node" not in target or target["path"] not in _PATHS:
             return
-        times = self._accessor(sampler["input"])[:, 0].astype(np.float64)
-        values = self._accessor(sampler["output"]).astype(np.float64)
+        times = self.accessor(sampler["input"])[:, 0].astype(np.float64)
+        values = self.accessor(sampler["output"]).astype(np.float64)
         kind = sampler.get("interpolation", "LINEAR")
         rows = 3 * len(times) if kind == "CUBICSPLINE" else len(times)
         width = values.size // rows
@@ -140,13 +140,12 @@ class _Scene:
         weights = np.tile(first, (len(self._times), 1))
         if track is not None:
             weights = track.at(self._times, turns=False)
-        points, faces, skinned, rest = [], [], [], []
+        points, faces, skinned = [], [], []
         start = 0
         for primitive in mesh["primitives"]:
             if primitive.get("mode", _TRIANGLES) != _TRIANGLES:
                 raise InputError(f"{self._path}: {name} is not of triangles, expected triangles")
             one = _Primitive(self, primitive)
-            rest.append(one.base)
             points.append(one.moved(weights))
             faces.append(start + one.faces)
             skinned.append((one.joints, one.weights))
@@ -169,7 +168,7 @@ class _Scene:
         joints = skin["joints"]
         inverse = np.tile(np.eye(4), (len(joints), 1, 1))
         if "inverseBindMatrices" in skin:
-            stored = self._accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
+            stored = self.accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
             inverse = stored.transpose(0, 2, 1).astype(np.float64)
         # (F, J, 4, 4)
         matrices = np.stack([self._matrices(joint, parents) for joint in joints], axis=1) @ inverse
@@ -214,9 +213,6 @@ class _Scene:
 
     def accessor(self, number: int) -> np.ndarray:
         """(n, k) numbers; normalised integers are from -1 or 0 to 1."""
-        return self._accessor(number)
-
-    def _accessor(self, number: int) -> np.ndarray:
         about = self._json["accessors"][number]
         dtype, width = np.dtype(_TYPES[about["componentType"]]), _WIDTHS[about["type"]]
         count = about["count"]

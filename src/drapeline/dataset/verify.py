@@ -2,7 +2,7 @@
 
 import os
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -74,28 +74,18 @@ _READERS: dict[str, Callable[[Path], object]] = {
 
 
 def _finished(root: Path) -> tuple[list[tuple[Path, str]], list[Path]]:
-    """Folders that have a manifest, and its name; and other files that can be read."""
-    manifests = list(_manifests(root))
-    listed = {folder for folder, _ in manifests}
-    others = []
+    """Folders that have a manifest, and its name; and files below none that can be read."""
+    manifests, others = [], []
     for place, folders, files in os.walk(root):
-        if Path(place) in listed:
-            folders.clear()
+        listed = next((n for n in (MANIFEST, SAMPLE_MANIFEST) if Path(place, n).is_file()), None)
+        if listed is not None:
+            manifests.append((Path(place), listed))
+            folders.clear()  # what is below is in it
             continue
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        others += [Path(place, name) for name in sorted(files) if Path(name).suffix in _READERS]
-    return manifests, [path for path in others if not path.name.startswith(".")]
-
-
-def _manifests(root: Path) -> Iterator[tuple[Path, str]]:
-    """Folders that have a manifest, and its name; what is below one is in it."""
-    for place, folders, _ in os.walk(root):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for name in (MANIFEST, SAMPLE_MANIFEST):
-            if (Path(place) / name).is_file():
-                yield Path(place), name
-                folders.clear()
-                break
+        seen = sorted(name for name in files if not name.startswith("."))
+        others += [Path(place, name) for name in seen if Path(name).suffix in _READERS]
+    return manifests, others
 
 
 def _message(found: list[DamagedFile], root: Path) -> str:

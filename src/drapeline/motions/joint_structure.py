@@ -118,7 +118,7 @@ def _limb(take: Take, chain: Sequence[int], names: Sequence[str], *, before: str
 
 
 def _as_legs_lie(take: Take, legs: _Pair, arms: _Pair) -> Sequence[list[int]]:
-    """The arms in the order of the legs, by where they lie in the rest pose and over all frames."""
+    """The arms in the order of the legs, by where they lie over all frames."""
     across = take.positions[:, legs.chains[0][0]] - take.positions[:, legs.chains[1][0]]
     apart = take.positions[:, arms.chains[0][0]] - take.positions[:, arms.chains[1][0]]
     if np.linalg.norm(apart, axis=-1).mean() < 1e-6 * arms.length:  # both begin at the chest

@@ -33,11 +33,26 @@ class HealthGarment:
 
 def watch(garment: Garment) -> HealthGarment:
     """A garment with its lengths at rest, but for those of elastics, which are there to give."""
-    pairs = edges(garment.faces)
-    ends = garment.vertices[pairs]
+    return watch_mesh(garment.name, garment.vertices, garment.faces, garment.elastic)
+
+
+def watch_mesh(
+    name: str, vertices: np.ndarray, faces: np.ndarray, elastic: np.ndarray | None = None
+) -> HealthGarment:
+    """A garment by its mesh at rest; without edges of no length.
+
+    Args:
+        vertices: (V, 3) metres.
+        faces: (F, 4) or (F, 3).
+        elastic: (V,) above 0 where there is an elastic, whose edges are there to give.
+    """
+    pairs = edges(faces)
+    ends = vertices[pairs]
     lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    lengths[(garment.elastic[pairs] > 0).any(axis=1)] = np.nan
-    return HealthGarment(garment.name, garment.faces, lengths)
+    lengths[lengths == 0] = np.nan
+    if elastic is not None:
+        lengths[(elastic[pairs] > 0).any(axis=1)] = np.nan
+    return HealthGarment(name, faces, lengths)
 
 
 class HealthMonitor:

@@ -107,6 +107,8 @@ def save(folder, name, frames=3, size=1.0):
         (["a.npz", "--body", "b"], "--body b: no file, expected one or one of a"),
         (["a.npz", "--fps", "0"], "--fps 0: expected more than 0"),
         (["lone.pc2"], "lacks lone.obj beside it"),
+        (["a.npz", "a.npz"], "two meshes are called a, expected a name for each"),
+        (["a.npz", "body.npz", "body.npz"], "--body: 2 meshes are called Body"),
     ],
 )
 def test_what_cannot_be_measured_is_one_sentence(tmp_path, monkeypatch, drapeline, words, message):
