@@ -28,9 +28,10 @@ def main() -> None:
     except (InputError, OSError) as error:
         sys.exit(f"drapeline: {error}")
     except ModuleNotFoundError as error:
+        extra = "pipeline" if sys.argv[1:2] == ["check-config"] else "dress"
         sys.exit(
             f"drapeline: needs {error.name}, which is not installed; expected drapeline with the"
-            f" extra [dress]: pip install 'drapeline[dress]'"
+            f" extra [{extra}]: pip install 'drapeline[{extra}]'"
         )
     except KeyboardInterrupt:
         sys.exit(130)

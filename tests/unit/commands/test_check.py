@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -122,6 +124,19 @@ def test_what_cannot_be_measured_is_one_sentence(tmp_path, monkeypatch, drapelin
     _, status = drapeline("check", *words)
     assert str(status).startswith("drapeline: ")
     assert re.search(message, str(status)), status
+
+
+@pytest.mark.parametrize(
+    ("command", "lacking", "extra"),
+    [("check", "warp", "dress"), ("check-config", "jsonschema", "pipeline")],
+)
+def test_what_is_not_installed_is_named_with_its_extra(command, lacking, extra):
+    code = f"import sys; sys.modules['{lacking}'] = None; sys.argv[1:] = ['{command}', 'a']\n"
+    code += "from drapeline.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert f"needs {lacking}" in done.stderr
+    assert f"pip install 'drapeline[{extra}]'" in done.stderr
 
 
 def test_the_command_alone_lists_what_it_can_do(drapeline):
