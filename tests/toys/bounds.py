@@ -9,6 +9,7 @@ NO_BOUNDS = HealthBounds(
     stretch_low=0,
     stretch_high=10,
     slip_m=2,
+    lost_openings=10,
     layer_share_mean=1,
     self_share_mean=1,
 )

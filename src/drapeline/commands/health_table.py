@@ -13,6 +13,7 @@ _ROWS = {
     "stretch_low": ("shortest 1 % of edges, of their rest", "{:.0%}"),
     "stretch_high": ("longest 1 % of edges, of their rest", "{:.0%}"),
     "slip_m": ("slip along the body", _MM),
+    "lost_openings": ("openings that lost their limb (mean of frames)", "{:.1f}"),
     "acceleration_m_s2": ("mean acceleration", "{:.1f} m/s2"),
 }
 

@@ -11,6 +11,7 @@ from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSheet, MovingSurface
 from drapeline.geometry.point_cache import PointCache
+from drapeline.outfits.openings import limb_bones, limb_openings, passing_limbs
 from drapeline.outfits.outfit import Garment
 from drapeline.storage import load_npz, save_npz
 
@@ -24,6 +25,7 @@ _MEASURES = {
     "stretch_low": ("stretch_p01", True),
     "stretch_high": ("stretch_p99", False),
     "slip_m": ("slip_m", False),
+    "lost_openings": ("lost_openings", False),
     "layer_share": ("layer_share", False),
     "self_share": ("self_share", False),
     "acceleration": ("acceleration_m_s2", False),
@@ -70,6 +72,7 @@ def write_worst_frame(
     reason: str,
     root_rotation: np.ndarray,
     body: np.ndarray,
+    joints: np.ndarray,
     body_faces: np.ndarray,
     garments: Sequence[Garment],
 ) -> None:
@@ -81,14 +84,14 @@ def write_worst_frame(
         frame: as `find_worst_frame` gives it.
         reason: why the sample was not accepted.
         root_rotation: (3,) axis-angle, rad.
-        body: (B, 3) in that frame, root-relative metres.
+        body, joints: (B, 3), (24, 3) in that frame, root-relative metres.
         garments: from inner to outer.
     """
     cloths = []
     for garment in garments:
         with PointCache(simulation / f"{garment.name}.f32", len(garment.vertices)) as cache:
             cloths.append(cache.frames(frame, frame + 1)[0])
-    wrong = _wrong(reason, cloths, garments, body, body_faces)
+    wrong = _wrong(reason, cloths, garments, body, joints, body_faces)
     arrays = {
         "frame": frame,
         "root_rotation": root_rotation,
@@ -139,6 +142,7 @@ def _wrong(
     cloths: Sequence[np.ndarray],
     garments: Sequence[Garment],
     body: np.ndarray,
+    joints: np.ndarray,
     body_faces: np.ndarray,
 ) -> list[np.ndarray]:
     """Which vertices of each garment the reason is about."""
@@ -152,6 +156,10 @@ def _wrong(
         return np.split(marked, np.cumsum([len(cloth) for cloth in cloths])[:-1])
     if reason.startswith("layer_share"):
         return [_beneath(number, cloths, garments) for number in range(len(cloths))]
+    if reason.startswith("lost_openings"):
+        return [
+            _at_empty_openings(g, cloth, joints) for g, cloth in zip(garments, cloths, strict=True)
+        ]
     if reason.startswith(("inside", "depth")):
         surface = MovingSurface(body, body_faces)
         return [surface.locate(cloth)[1] for cloth in cloths]
@@ -168,6 +176,15 @@ def _strained(garment: Garment, cloth: np.ndarray) -> np.ndarray:
     ratio = np.where(gathered, 1.0, now / rest)
     marked = np.zeros(len(cloth), dtype=bool)
     marked[pairs[(ratio < _SHORT) | (ratio > _LONG)]] = True
+    return marked
+
+
+def _at_empty_openings(garment: Garment, cloth: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    marked = np.zeros(len(cloth), dtype=bool)
+    bones = limb_bones(joints)
+    for loop in limb_openings(garment.vertices, garment.faces):
+        if not passing_limbs(bones, cloth[loop]):
+            marked[loop] = True
     return marked
 
 

@@ -151,8 +151,11 @@ def _write_worst(
     frame = find_worst_frame(health, reason)
     (skin,) = body_sequence_vertices(body, record, frames=slice(frame, frame + 1))
     garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
-    turn = record.poses[frame, :3]
-    write_worst_frame(folder, simulation, frame, reason, turn, skin, body.faces, garments)
+    pose = record.poses[frame]
+    joints = posed_vertices(body, record.shape, pose[None])[1][0]
+    write_worst_frame(
+        folder, simulation, frame, reason, pose[:3], skin, joints, body.faces, garments
+    )
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:

@@ -18,12 +18,10 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
-from drapeline.geometry.mesh import Mesh, boundary_loops, vertex_normals
+from drapeline.geometry.mesh import Mesh, vertex_normals
+from drapeline.outfits.openings import SIDES, limb_bones, limb_openings, passing_limbs
 
 LOGGER = logging.getLogger("drapeline")
-_LIMB_M = 0.12  # around the narrowest opening that a limb passes; smaller ones are buttonholes
-_ROOM = 1.5  # openings are taken to be wider, so that a body of other proportions passes as well
-_EDGE = 1e-4  # by which a triangle of a fan reaches over its neighbour, of its own size
 _HUGE_M = 5.0  # no garment for a person of 2 m is larger
 _TINY_M = 0.05
 _TOUCH_M = 0.12  # from the body to its nearest tenth of a garment
@@ -33,7 +31,6 @@ _EXPECTED = (
     "expected it on the mean body in rest pose, in metres, Z up, facing -Y, the pelvis at the"
     " origin (`body_obj` writes that body)"
 )
-_SIDES = ("left", "right")
 
 
 def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel, *, mend: bool = False) -> Mesh:
@@ -56,7 +53,7 @@ def check_wearable(path: str | Path, mesh: Mesh, body: BodyModel, *, mend: bool 
         InputError: what is wrong, and the turn, move, scale or pose that would mend it.
     """
     wearer = _Wearer.of(body)
-    loops = [loop for loop in boundary_loops(mesh.faces) if _round(mesh.vertices[loop]) > _LIMB_M]
+    loops = limb_openings(mesh.vertices, mesh.faces)
     points = mesh.vertices.astype(np.float64)
     found = _fit(points, loops, wearer)
     if not found.problem and found.all_passed:
@@ -93,31 +90,12 @@ class _Wearer:
     def of(cls, body: BodyModel, lowered_deg: float = 0) -> "_Wearer":
         """The mean body in rest pose, with its arms lowered perhaps."""
         pose = REST_POSE.copy()
-        for side, sign in zip(_SIDES, (-1, 1), strict=True):
+        for side, sign in zip(SIDES, (-1, 1), strict=True):
             pose[3 * JOINT_NAMES.index(f"{side}_shoulder") + 2] = sign * np.deg2rad(lowered_deg)
         posed, joints = posed_vertices(body, np.zeros(SHAPES), pose[None])
         vertices = posed[0].astype(np.float64)
         normals = vertex_normals(vertices, body.faces)
-        return cls(vertices, normals, KDTree(vertices), _bones(joints[0].astype(np.float64)))
-
-
-def _bones(joints: np.ndarray) -> dict[str, np.ndarray]:
-    """Bones of the limbs; arms and legs go on for what sleeves and hems may cover."""
-
-    def line(*names: str, beyond: float = 0) -> np.ndarray:
-        places = [joints[JOINT_NAMES.index(name)] for name in names]
-        places.append(places[-1] + beyond * (places[-1] - places[-2]))
-        return np.stack([places[:-1], places[1:]], axis=1)
-
-    hips = [line("pelvis", f"{side}_hip") for side in _SIDES]
-    trunk = line("pelvis", "spine1", "spine2", "spine3", "neck", "head")
-    bones = {"trunk": np.concatenate([trunk, *hips])}
-    for side in _SIDES:
-        arm = (f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist", "hand"))
-        bones[f"{side} arm"] = line("spine3", *arm, beyond=2)
-        leg = (f"{side}_{joint}" for joint in ("hip", "knee", "ankle"))
-        bones[f"{side} leg"] = line("pelvis", *leg, beyond=0.6)
-    return bones
+        return cls(vertices, normals, KDTree(vertices), limb_bones(joints[0]))
 
 
 class _Fit(NamedTuple):
@@ -129,10 +107,7 @@ class _Fit(NamedTuple):
 
 
 def _fit(points: np.ndarray, loops: list[np.ndarray], wearer: _Wearer) -> _Fit:
-    passing = [
-        {name for name, bones in wearer.bones.items() if _passes(bones, points[loop])}
-        for loop in loops
-    ]
+    passing = [passing_limbs(wearer.bones, points[loop]) for loop in loops]
     all_passed = all(passing)
     problem = _size_problem(points) or _opening_problem(points, loops, passing)
     if problem:
@@ -175,38 +150,16 @@ def _places(points: np.ndarray, loops: list[np.ndarray]) -> tuple[list[int], dic
     """Openings around the middle from the highest to the lowest, and those of each limb."""
     middle: list[int] = []
     sides: dict[str, list[int]] = {
-        f"{side} {limb}": [] for side in _SIDES for limb in ("arm", "leg")
+        f"{side} {limb}": [] for side in SIDES for limb in ("arm", "leg")
     }
     for index, loop in enumerate(loops):
         x, _, z = points[loop].T
         if x.min() < 0 < x.max():
             middle.append(index)
         else:
-            side = _SIDES[int(x.mean() < 0)]
+            side = SIDES[int(x.mean() < 0)]
             sides[f"{side} {'arm' if z.mean() > 0 else 'leg'}"].append(index)
     return sorted(middle, key=lambda index: -points[loops[index], 2].mean()), sides
-
-
-def _passes(bones: np.ndarray, loop: np.ndarray) -> bool:
-    """Whether a bone (n, 2, 3) crosses the fan of triangles that spans a loop (m, 3)."""
-    centre = loop.mean(axis=0)
-    a = _ROOM * (loop - centre)
-    b = np.roll(a, -1, axis=0)
-    normals = np.cross(a, b)
-    start, end = np.moveaxis(bones - centre, 1, 0)
-    before, after = start @ normals.T, end @ normals.T
-    bone, face = np.nonzero((before < 0) != (after < 0))
-    share = before[bone, face] / (before - after)[bone, face]
-    point = start[bone] + share[:, None] * (end - start)[bone]
-    square = np.einsum("fc,fc->f", normals[face], normals[face])
-    u = np.einsum("fc,fc->f", np.cross(point, b[face]), normals[face]) / square
-    v = np.einsum("fc,fc->f", np.cross(a[face], point), normals[face]) / square
-    # Bones in the middle of a symmetric loop lie on an edge of the fan.
-    return bool(((u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1)).any())
-
-
-def _round(loop: np.ndarray) -> float:
-    return float(np.linalg.norm(loop - np.roll(loop, -1, axis=0), axis=1).sum())
 
 
 _TURNS = (("X", 90), ("X", -90), ("X", 180), ("Z", 90), ("Z", -90), ("Y", 90), ("Y", -90))

@@ -1,7 +1,7 @@
 """Is a simulated frame believable? Measures per frame and garment, and their bounds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -10,6 +10,7 @@ from drapeline.frames import FPS
 from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSheet, MovingSurface
+from drapeline.outfits.openings import WornOpenings
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
 from drapeline.simulation.settings import HealthBounds
@@ -29,11 +30,17 @@ class HealthGarment:
     name: str
     faces: np.ndarray  # (F, 4) or (F, 3)
     rest_lengths_m: np.ndarray  # (E,) of `mesh.edges(faces)`; NaN for edges that are not watched
+    openings: WornOpenings = field(default_factory=lambda: WornOpenings(()))
 
 
-def watch(garment: Garment) -> HealthGarment:
-    """A garment with its lengths at rest, but for those of elastics, which are there to give."""
-    return watch_mesh(garment.name, garment.vertices, garment.faces, garment.elastic)
+def watch(garment: Garment, joints: np.ndarray) -> HealthGarment:
+    """A garment at rest on a body with joints (24, 3), in metres.
+
+    Lengths of elastics, which are there to give, are not watched.
+    """
+    watched = watch_mesh(garment.name, garment.vertices, garment.faces, garment.elastic)
+    openings = WornOpenings.at_rest(garment.vertices, garment.faces, joints)
+    return replace(watched, openings=openings)
 
 
 def watch_mesh(
@@ -77,6 +84,7 @@ class HealthMonitor:
         self._faces_of = [g.faces for g in garments]
         self._triangles = [triangulate(g.faces) for g in garments]
         self._edges = [_watched_edges(g) for g in garments]
+        self._openings = [g.openings for g in garments]
         self._rows: list[dict[str, list[float]]] = []
         self._past: list[Sequence[np.ndarray]] = []
         self._carried: list[tuple[np.ndarray, Carrier]] = []
@@ -91,13 +99,17 @@ class HealthMonitor:
         cloths: Sequence[np.ndarray],
         body: np.ndarray | None,
         before: Sequence[np.ndarray] | None = None,
+        joints: np.ndarray | None = None,
     ) -> dict[str, list[float]]:
-        """Measure one frame: measure -> one value per garment; without a body, none of contact.
+        """Measure one frame: measure -> one value per garment.
+
+        Without a body, none of contact; without joints, none of openings.
 
         Args:
             cloths: (V, 3) metres, root-relative, one per garment.
             body: (B, 3) in the same frame.
             before: `cloths` in the frame before the first, if the body stood still then.
+            joints: (24, 3) in the same frame.
         """
         crossings = self._crossings_of(cloths)
         crossing, across = crossings.find(cloths)
@@ -114,6 +126,8 @@ class HealthMonitor:
             values["self_share"] = float(crossing[g] / crossings.edge_counts[g])
             values["self_crossings"] = float(crossing[g])
             values["layer_crossings"] = float(across[g])
+            if joints is not None:
+                values["lost_openings"] = float(len(self._openings[g].lost(cloth, joints)))
             values["acceleration_m_s2"] = values["settling_m_s"] = np.nan
             if before is not None:
                 ways = np.linalg.norm(cloth - before[g], axis=1)
@@ -222,7 +236,7 @@ def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) ->
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Numbers of a sample that `HealthBounds` judge, each of its worst garment.
 
-    Those of contact are there if a body was.
+    Those of contact are there if a body was, those of openings if its joints were.
     """
     mean = {name: _mean_over_frames(values) for name, values in arrays.items()}
     found = {}
@@ -235,6 +249,8 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
             "slip_m": arrays["slip_m"].max(),
             "gap_p05_m": mean["gap_p05_m"].min(),
         }
+    if "lost_openings" in arrays:
+        found["lost_openings"] = mean["lost_openings"].max()
     found |= {
         "stretch_low": mean["stretch_p01"].min(),
         "stretch_high": mean["stretch_p99"].max(),
@@ -262,7 +278,7 @@ def inevitable_violations(
     missing = ((0, frames - len(arrays["slip_m"])), (0, 0))
     best = {
         name: np.pad(arrays[name], missing)
-        for name in ("inside_open_share", "depth_open_m", "slip_m", "layer_share")
+        for name in ("inside_open_share", "depth_open_m", "slip_m", "layer_share", "lost_openings")
     }
     measures = {
         "inside_open_mean": float(best["inside_open_share"].mean(axis=0).max()),
@@ -270,6 +286,7 @@ def inevitable_violations(
         "depth_m": float(np.percentile(best["depth_open_m"], 95, axis=0).max()),
         "slip_m": float(best["slip_m"].max()),
         "layer_share_mean": float(best["layer_share"].mean(axis=0).max()),
+        "lost_openings": float(best["lost_openings"].mean(axis=0).max()),
     }
     return violations(measures, bounds)
 

@@ -100,6 +100,15 @@ class HealthBounds(Settings):
     slip_m: float = Field(
         0.3, ge=0, le=2, description="How far a garment may slide along the body, in metres."
     )
+    lost_openings: float = Field(
+        0.1,
+        ge=0,
+        le=10,
+        description=(
+            "Openings that a limb passed at rest and none passes any more, as of a skirt over the "
+            "head, mean number over frames."
+        ),
+    )
     layer_share_mean: float = Field(
         0.05,
         ge=0,

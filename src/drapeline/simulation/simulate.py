@@ -345,12 +345,20 @@ def _attempt(
     """Simulate and measure into the folder, and report."""
     started = time.perf_counter()
     # Of all of the body, as anybody sees it, whatever took part in collisions.
-    monitor = HealthMonitor([watch(g) for g in dressed.outfit.garments], dressed.body.faces)
+    (_, at_rest), (_, joints) = (
+        posed_vertices(dressed.body, shape, poses)
+        for shape, poses in (
+            (dressed.garment_shape, REST_POSE[None]),
+            (dressed.motion.shape, dressed.motion.poses),
+        )
+    )
+    watched = [watch(garment, at_rest[0]) for garment in dressed.outfit.garments]
+    monitor = HealthMonitor(watched, dressed.body.faces)
     failure = ""
     with TemporaryDirectory(dir=folder) as name:
         frames = _simulate(dressed, solver, attempt, Path(name))
         try:
-            _write_and_measure(folder, dressed, frames, monitor, bounds)
+            _write_and_measure(folder, dressed, frames, joints, monitor, bounds)
         except InputError:
             raise
         except (RuntimeError, ValueError) as error:
@@ -457,6 +465,7 @@ def _write_and_measure(
     folder: Path,
     dressed: DressedBody,
     frames: Generator[tuple[list[np.ndarray], np.ndarray, list[np.ndarray] | None]],
+    joints: np.ndarray,
     monitor: HealthMonitor,
     bounds: HealthBounds | None,
 ) -> None:
@@ -466,10 +475,11 @@ def _write_and_measure(
             stack.enter_context(point_cache_writer(folder / f"{g.name}.f32", len(g.vertices)))
             for g in dressed.outfit.garments
         ]
-        for cloths, body, before in frames:
+        for (cloths, body, before), places in zip(frames, joints, strict=True):
             for writer, cloth in zip(writers, cloths, strict=True):
                 writer.append(cloth)
-            monitor.add([as_published(cloth) for cloth in cloths], as_published(body), before)
+            published = [as_published(cloth) for cloth in cloths]
+            monitor.add(published, as_published(body), before, places)
             if bounds and inevitable_violations(
                 monitor.arrays(), bounds, len(dressed.motion.poses)
             ):

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.record import EXTRAS
 from drapeline.dataset.worst_frame import find_worst_frame, read_worst_frame, write_worst_frame
+from drapeline.frames import REST_POSE
 from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.outfit import Garment
+from toys.bodies import toy_body
 from toys.sheets import sheet
 
 NAN = np.nan
@@ -34,6 +37,10 @@ def test_a_frame_is_the_worst_by_what_the_reason_begins_with(reason, frame):
     assert find_worst_frame(health, reason) == frame
 
 
+# A person beside the ball.
+JOINTS = posed_vertices(toy_body(), np.zeros(10), REST_POSE[None])[1][0] + [2.0, 0, 0]
+
+
 def flat(height):
     piece = sheet(height, rows=5, edge_m=0.1)
     uv = np.zeros((1, 2), np.float32)
@@ -49,7 +56,7 @@ def marked(tmp_path, garment, frames, reason):
     body = ball.vertices.astype(np.float32)
     faces = ball.faces.astype(np.int32)
     turn = np.array([0.1, 0.2, 0.3])
-    write_worst_frame(tmp_path, tmp_path, 1, reason, turn, body, faces, [garment])
+    write_worst_frame(tmp_path, tmp_path, 1, reason, turn, body, JOINTS, faces, [garment])
     worst = read_worst_frame(tmp_path)
     assert worst.frame == 1
     np.testing.assert_array_equal(worst.root_rotation, turn)
@@ -81,6 +88,15 @@ def test_edges_through_the_garment_are_marked(tmp_path):
     wrong = marked(tmp_path, garment, [moved, moved], "self_share_mean 1, expected at most 0.1")
     assert wrong[[0, 1, 12]].all()
     assert not wrong[24]
+
+
+def test_rims_of_openings_that_no_limb_passes_are_marked(tmp_path):
+    garment = flat(0.5)
+    frames = [garment.vertices, garment.vertices]
+    reason = "lost_openings 1, expected at most 0.1"
+    wrong = marked(tmp_path, garment, frames, reason).reshape(5, 5)
+    assert wrong.sum() == 16
+    assert not wrong[1:-1, 1:-1].any()
 
 
 def test_there_is_nothing_where_nothing_was_simulated(tmp_path):

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.frames import FPS
+from drapeline.bodies.model import posed_vertices
+from drapeline.frames import FPS, REST_POSE
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.moving_surface import MovingSurface
+from drapeline.outfits.openings import WornOpenings
 from drapeline.seeding import rng_for
 from drapeline.simulation.health import (
     HealthGarment,
@@ -16,6 +18,7 @@ from drapeline.simulation.health import (
     violations,
 )
 from drapeline.simulation.settings import HealthBounds
+from toys.bodies import toy_body
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +113,27 @@ def test_slipping_cloth_is_measured(ball):
     assert arrays["slip_m"][:, 0] == pytest.approx([0, 0.05, 0.1], abs=1e-6)
 
 
+def test_openings_that_lose_their_limb_are_counted(ball):
+    """A tube around the upper legs, pulled over the feet in half of the frames."""
+    vertices, faces = ball
+    rim = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    hoop = np.stack([0.4 * np.cos(rim), 0.4 * np.sin(rim), np.zeros(20)], axis=1)
+    tube = np.concatenate([hoop + [0, 0, -0.2], hoop + [0, 0, -0.5]])
+    first, second = np.arange(20), np.roll(np.arange(20), -1)
+    quads = np.stack([first, second, second + 20, first + 20], axis=1)
+    joints = posed_vertices(toy_body(), np.zeros(10), REST_POSE[None])[1][0]
+    openings = WornOpenings.at_rest(tube, quads, joints)
+    garment = HealthGarment("Skirt", quads, np.ones(len(edges(quads))), openings)
+    monitor = HealthMonitor([garment], faces)
+    for move in (0.0, 0.1, -1.5, -1.6):
+        monitor.add([tube + [0, 0, move]], vertices, joints=joints)
+    arrays = monitor.arrays()
+    assert arrays["lost_openings"][:, 0].tolist() == [0, 0, 2, 2]
+    assert summary(arrays)["lost_openings"] == 1
+    found = violations({"lost_openings": 1}, HealthBounds())
+    assert found == ["lost_openings 1, expected at most 0.1"]
+
+
 def test_a_sample_is_as_good_as_its_worst_garment():
     """Two garments, of which the second has twice all measures of the first."""
     one = np.linspace(0.1, 0.4, 4)
@@ -159,10 +183,15 @@ def test_a_value_that_is_not_a_number_is_violations(ball):
 def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
     frames = 20
     rng = rng_for(5, "health")
-    names = ("inside_open_share", "depth_open_m", "slip_m", "layer_share")
+    names = ("inside_open_share", "depth_open_m", "slip_m", "layer_share", "lost_openings")
     values = {name: rng.random((frames, 2)).astype(np.float32) for name in names}
     bounds = HealthBounds(
-        inside_open_mean=0.3, inside_open_max=1, depth_m=0.5, slip_m=2, layer_share_mean=1
+        inside_open_mean=0.3,
+        inside_open_max=1,
+        depth_m=0.5,
+        slip_m=2,
+        layer_share_mean=1,
+        lost_openings=1,
     )
     told = [
         bool(inevitable_violations({k: v[:n] for k, v in values.items()}, bounds, frames))

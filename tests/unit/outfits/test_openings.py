@@ -1,0 +1,58 @@
+import numpy as np
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.outfits.openings import (
+    WornOpenings,
+    limb_bones,
+    limb_openings,
+    passing_limbs,
+)
+from toys.bodies import toy_body
+
+
+def joints_in(pose):
+    return posed_vertices(toy_body(), np.zeros(10), pose[None])[1][0]
+
+
+def tube(top, bottom, radius=0.25, around=24):
+    """Two rings of a skirt about the Z axis, and its quads."""
+    angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(around)], axis=1)
+    first = np.arange(around)
+    second = np.roll(first, -1)
+    faces = np.stack([first, second, second + around, first + around], axis=1)
+    return np.concatenate([ring + [0, 0, top], ring + [0, 0, bottom]]), faces
+
+
+def test_limbs_pass_through_the_openings_of_a_skirt():
+    vertices, faces = tube(0.0, -0.5)
+    bones = limb_bones(joints_in(REST_POSE))
+    found = [passing_limbs(bones, vertices[loop]) for loop in limb_openings(vertices, faces)]
+    legs = {"left leg", "right leg"}
+    assert sorted(found, key=len) == [legs, legs | {"trunk"}]
+
+
+def test_buttonholes_are_for_no_limb():
+    vertices, faces = tube(0.0, -0.5, radius=0.015)
+    assert limb_openings(vertices, faces) == []
+
+
+def test_a_skirt_over_the_head_has_lost_its_hem_and_keeps_it_in_a_kick():
+    vertices, faces = tube(0.0, -0.5)
+    rest = joints_in(REST_POSE)
+    worn = WornOpenings.at_rest(vertices, faces, rest)
+    assert len(worn.loops) == 2
+    assert worn.lost(vertices, rest) == []
+    lifted = vertices + [0, 0, 1.2]
+    assert len(worn.lost(lifted, rest)) == 2
+    turned = REST_POSE.copy()
+    turned[3 * JOINT_NAMES.index("left_hip")] -= np.deg2rad(80)
+    assert worn.lost(vertices, joints_in(turned)) == []
+
+
+def test_openings_that_nothing_passed_at_rest_cannot_be_lost():
+    vertices, faces = tube(0.0, -0.5)
+    aside = vertices + [0.8, 0, -0.9]
+    rest = joints_in(REST_POSE)
+    assert WornOpenings.at_rest(aside, faces, rest).lost(aside + [9, 0, 0], rest) == []
