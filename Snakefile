@@ -46,3 +46,6 @@ rule all:
     default_target: True
     input:
         DEFAULT_TARGETS,
+
+
+check_targets()

@@ -72,6 +72,14 @@ def test_a_module_makes_the_dataset_of_another_workflow(project, folder, snakefi
     assert "walk.npz" in run.stdout + run.stderr
 
 
+def test_a_workflow_of_the_module_alone_makes_everything_by_default(project, folder):
+    (folder / "config/config.yaml").write_text((ROOT / "config.yaml").read_text())
+    text = MODULE.format(snakefile=project / "Snakefile")
+    (folder / "Snakefile").write_text(text.partition("rule count")[0])
+    jobs = planned(snakemake(folder, "--dry-run"))
+    assert {"drapeline_all", "drapeline_train", "drapeline_evaluate"} <= jobs.keys()
+
+
 def test_the_module_in_the_docs_is_this_one():
     page = ROOT / "docs/how-to/run-elsewhere.md"
     documented = re.search(r"```snakemake\n(.*?)```", page.read_text(), re.S)[1]

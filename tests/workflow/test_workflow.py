@@ -151,7 +151,9 @@ def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_p
 
 def test_a_target_that_does_not_exist_is_refused(project, tmp_path):
     config = with_settings(tmp_path)[-1]
-    target = str(tmp_path / "results/samples/dataset/99999")
+    target = str(tmp_path / "results/samples/datasets/00001")
     run = snakemake(project, "--dry-run", target, "--configfile", config)
     assert run.returncode != 0
-    assert "MissingRuleException" in run.stderr + run.stdout
+    meant = tmp_path / "results/samples/dataset/00001"
+    assert f"did you mean {meant}?" in run.stderr + run.stdout
+    assert not (tmp_path / "results").exists()

@@ -4,7 +4,9 @@ from functools import cache
 from pathlib import Path
 
 import yaml
+from snakemake.cli import get_argument_parser
 from snakemake.exceptions import WorkflowError
+from snakemake.io import WILDCARD_REGEX, get_wildcard_constraints
 from snakemake.logging import logger
 
 # Of drapeline, which may be a module of another workflow or work in another folder.
@@ -24,6 +26,7 @@ from drapeline.experiment.config import fill_settings
 from drapeline.experiment.groups import plan_groups
 from drapeline.experiment.old_keys import refuse_old_keys
 from drapeline.experiment.source_digest import Sources
+from drapeline.experiment.targets import explain_target
 from drapeline.frames import GENDERS
 from drapeline.models.registry import models
 from drapeline.motions.table import FrameCounts
@@ -89,6 +92,31 @@ def check_cluster():
     problem = asking and find_slurm_problem(asking, slurm_config())
     if problem:
         raise WorkflowError(problem)
+
+
+def check_targets():
+    """Answer targets that nothing makes with the nearest that can be made."""
+    started_by = Path(sys.argv[0])
+    by_command = "snakemake" in (started_by.name, started_by.parent.name)
+    if workflow.remote_exec or not by_command:
+        return
+    if Path(workflow.main_snakefile).resolve() != (ROOT / "Snakefile").resolve():
+        return  # of another workflow, whose rules come after these
+    names = [one.name for one in workflow.rules]
+    patterns = {}
+    for file in (file for one in workflow.rules for file in one.output):
+        constraints = get_wildcard_constraints(file)
+        plain = WILDCARD_REGEX.sub(r"{\g<name>}", file)
+        patterns[plain] = {name: found.pattern for name, found in constraints.items()}
+    # The rules are there before Snakemake says what it was asked for.
+    asked, _ = get_argument_parser().parse_known_args(sys.argv[1:])
+    for target in asked.targets:
+        path = os.path.normpath(target)
+        made = any(one.is_producer(path) for one in workflow.rules)
+        if made or Path(path).exists():
+            continue
+        if problem := explain_target(path, names, patterns):
+            raise WorkflowError(problem)
 
 
 @cache
