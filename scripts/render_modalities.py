@@ -1,14 +1,21 @@
-"""Rule `render_modalities`: colour, depth, normals, velocities and segments of chosen frames."""
+"""Rule `render_modalities`: pictures, maps, boxes and keypoints of chosen frames."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.blender.render import render_modalities
+from drapeline.bodies.model import load_bodies
+from drapeline.frames import GENDERS
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    sample = Path(snakemake.input[0], snakemake.wildcards.sample)
-    render_modalities(sample, snakemake.output[0], snakemake.params.frames)
+    render_modalities(
+        Path(snakemake.input.shard, snakemake.wildcards.sample),
+        snakemake.output[0],
+        snakemake.params.frames,
+        bodies=load_bodies({gender: snakemake.input[gender] for gender in GENDERS}),
+        cameras=snakemake.params.cameras,
+    )

@@ -92,7 +92,8 @@ rule render_people:
 
 rule render_modalities:
     input:
-        sample_shard,
+        **WHOLE_BODIES,
+        shard=sample_shard,
     output:
         directory(f"{RESULTS}/modalities/{{sample}}"),
     log:
@@ -107,6 +108,7 @@ rule render_modalities:
         runtime=30,
     params:
         frames=lookup(dpath="renders/modality_frames", within=config),
+        cameras=lookup(dpath="renders/cameras", within=config),
         code=source_hash("render_modalities"),
     script:
         "../../scripts/render_modalities.py"

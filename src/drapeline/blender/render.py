@@ -1,6 +1,6 @@
 """Images of a sample as in CLOTH3D's figure 14: colour, depth, normals, velocities, segments."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -9,11 +9,13 @@ from mathutils import Matrix
 from PIL import Image
 
 from drapeline.blender.scene import add_material, add_mesh, new_scene, shader_node
+from drapeline.bodies.model import BodyModel
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.rendering.camera import Camera, look_at
+from drapeline.rendering.coco import CocoDocument
 from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, save_npz, write_json
@@ -29,26 +31,37 @@ _SEGMENT_COLOURS = ((255, 255, 255), (214, 170, 140), (0, 114, 178), (213, 94, 0
 _TO_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[int]) -> None:
+def render_modalities(
+    folder: str | Path,
+    output: str | Path,
+    frames: Sequence[int],
+    *,
+    bodies: Mapping[str, BodyModel],
+    cameras: int = 1,
+) -> None:
     """Render chosen frames of a sample.
 
     Per frame f: `{f}_rgb.png` by Cycles; `{f}.npz` with `depth` (H, W) float32 metres, `normals`
-    and `velocities` (H, W, 3) float32 in world axes, `segments` (H, W) uint8; the same as PNG
-    (depth in 16-bit millimetres); `{f}_overview.png` beside one another. `camera.json` holds
-    intrinsics, world-to-camera matrices (OpenCV axes) and what the segments mean.
+    and `velocities` (H, W, 3) float32 in world axes, `flow` (H, W, 2) float32 pixels to the next
+    frame, but for the last one, `segments` (H, W) uint8; the same as PNG (depth in 16-bit
+    millimetres); `{f}_overview.png` beside one another. Names of camera k > 0 begin with
+    `{f}_camera{k}`. `camera.json` holds intrinsics, world-to-camera matrices (OpenCV axes) and what
+    the segments mean; `coco.json` boxes, masks and the joints in 2-D and 3-D.
 
     The camera is CLOTH3D's, at `camLoc` looking along -X, and follows the root joint over the
-    floor so that no one walks out of the picture.
+    floor so that no one walks out of the picture; further ones stand around the person.
 
     Args:
         folder: an accepted sample.
         output: folder to make.
         frames: numbers of frames; those beyond the sequence are refused.
+        bodies: gender -> the body model that the sample was made with.
+        cameras: how many, at equal angles.
 
     Raises:
         InputError: the sample was not accepted, or lacks a frame.
     """
-    with Sample(folder) as sample, atomic_folder(output) as scratch:
+    with Sample(folder, bodies=bodies) as sample, atomic_folder(output) as scratch:
         if sample.meta is not None and sample.meta["status"] != "accepted":
             raise InputError(
                 f"{folder}: the sample was {sample.meta['status']}, expected an accepted one"
@@ -57,29 +70,60 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[i
             if not 0 <= frame < len(sample):
                 raise InputError(f"{folder}: frame {frame}, expected 0 to {len(sample) - 1}")
         parts = scene_parts(sample)
-        place = sample.info.camera_location
-        place = np.array([5.0, 0.0, 1.0]) if place is None else np.asarray(place, np.float64)
-        cameras = {}
-        for frame in progress(list(frames), label="modalities"):
-            root = sample.root_positions(frame, frame + 1)[0]
-            target = np.array([root[0], root[1], place[2]])
-            camera = look_at(target + [place[0], 0, 0], target, focal_px=FOCAL_PX, size=SIZE)
-            cameras[str(frame)] = {"world_to_camera": camera.world_to_camera.tolist()}
+        coco = CocoDocument([part.name for part in parts[1:]])
+        extrinsics = {}
+        views = [(frame, number) for frame in frames for number in range(cameras)]
+        for frame, number in progress(views, label="modalities"):
+            camera = _camera(sample, frame, number / cameras)
+            name = f"{frame}_camera{number}" if number else str(frame)
+            extrinsics[name] = {"world_to_camera": camera.world_to_camera.tolist()}
             seen = cast_rays([_moving_mesh(part, frame) for part in parts], camera)
-            colour = scratch / f"{frame}_rgb.png"
+            arrays = {
+                "depth": seen.depth,
+                "normals": seen.normals,
+                "velocities": seen.carried[..., :3],
+                "segments": seen.segments,
+            }
+            if frame + 1 < len(sample):
+                arrays["flow"] = _flow(seen, camera, _camera(sample, frame + 1, number / cameras))
+            save_npz(scratch / f"{name}.npz", **arrays)
+            colour = scratch / f"{name}_rgb.png"
             render_colour(colour, parts, frame, camera)
-            _write_images(scratch, frame, seen, colour)
+            _write_images(scratch, name, arrays, colour)
+            [joints] = sample.joints(frame, frame + 1)
+            coco.add(colour.name, seen.segments, seen.depth, camera, joints)
         write_json(
             scratch / "camera.json",
             {
                 "intrinsics": camera.intrinsics.tolist(),
                 "width": SIZE[0],
                 "height": SIZE[1],
-                "frames": cameras,
+                "frames": extrinsics,
                 "segments": {"0": "background"}
                 | {str(k + 1): part.name for k, part in enumerate(parts)},
             },
         )
+        write_json(scratch / "coco.json", coco.finish())
+
+
+def _camera(sample: Sample, frame: int, turn: float) -> Camera:
+    """The camera in a frame, moved by a share of a whole turn around the person."""
+    place = sample.info.camera_location
+    x, _, height = (5.0, 0.0, 1.0) if place is None else map(float, place)
+    [root] = sample.root_positions(frame, frame + 1)
+    target = np.array([root[0], root[1], height])
+    away = x * np.array([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn), 0])
+    return look_at(target + away, target, focal_px=FOCAL_PX, size=SIZE)
+
+
+def _flow(seen: Seen, camera: Camera, after: Camera) -> np.ndarray:
+    """(H, W, 2) float32 pixels that each surface point moves by until the next frame."""
+    hit = seen.segments > 0
+    now = camera.unproject(seen.depth)[hit]
+    (here, _), (there, _) = camera.project(now), after.project(now + seen.carried[hit, 3:])
+    flow = np.zeros((*hit.shape, 2), dtype=np.float32)
+    flow[hit] = there - here
+    return flow
 
 
 def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Camera) -> None:
@@ -120,41 +164,36 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
 
 
 def _moving_mesh(part: ScenePart, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices in metres, faces, and velocities in m/s."""
-    [points], [velocities] = part.read(frame, frame + 1), part.velocities(frame, frame + 1)
-    return points.astype(np.float64), part.mesh.faces, velocities
+    """Vertices in metres, faces, and velocities in m/s beside the way in m to the next frame."""
+    [velocities] = part.velocities(frame, frame + 1)
+    points = part.read(frame, min(frame + 2, part.frame_count)).astype(np.float64)
+    return points[0], part.mesh.faces, np.concatenate([velocities, points[-1] - points[0]], axis=1)
 
 
-def _write_images(folder: Path, frame: int, seen: Seen, colour: Path) -> None:
-    save_npz(
-        folder / f"{frame}.npz",
-        depth=seen.depth,
-        normals=seen.normals,
-        velocities=seen.velocities,
-        segments=seen.segments,
-    )
-    hit = seen.segments > 0
-    millimetres = np.round(np.minimum(seen.depth, _DEEPEST_M) * 1000).astype(np.uint16)
-    Image.fromarray(millimetres).save(folder / f"{frame}_depth.png")
-    near, far = (seen.depth[hit].min(), seen.depth[hit].max()) if hit.any() else (0.0, 1.0)
-    grey = np.where(hit, 230 - 200 * (seen.depth - near) / max(far - near, 1e-6), 255)
-    speed = np.linalg.norm(seen.velocities, axis=-1) / _FASTEST_M_S
+def _write_images(folder: Path, name: str, seen: Mapping[str, np.ndarray], colour: Path) -> None:
+    depth, normals, segments = (seen[key] for key in ("depth", "normals", "segments"))
+    hit = segments > 0
+    millimetres = np.round(np.minimum(depth, _DEEPEST_M) * 1000).astype(np.uint16)
+    Image.fromarray(millimetres).save(folder / f"{name}_depth.png")
+    near, far = (depth[hit].min(), depth[hit].max()) if hit.any() else (0.0, 1.0)
+    grey = np.where(hit, 230 - 200 * (depth - near) / max(far - near, 1e-6), 255)
+    speed = np.linalg.norm(seen["velocities"], axis=-1) / _FASTEST_M_S
     blue, yellow = np.array([20.0, 30.0, 110.0]), np.array([255.0, 230.0, 40.0])
     heat = blue + np.minimum(speed, 1)[..., None] * (yellow - blue)
     palette = np.array(_SEGMENT_COLOURS, dtype=np.float64)
     pictures = {
         "depth_view": np.repeat(grey[..., None], 3, axis=2),
-        "normals": np.where(hit[..., None], 127.5 * (seen.normals + 1), 255),
+        "normals": np.where(hit[..., None], 127.5 * (normals + 1), 255),
         "velocity": np.where(hit[..., None], heat, 255),
-        "segments": palette[np.minimum(seen.segments, len(palette) - 1)],
+        "segments": palette[np.minimum(segments, len(palette) - 1)],
     }
     pictures = {name: picture.astype(np.uint8) for name, picture in pictures.items()}
     with Image.open(colour) as image:
         row = [np.asarray(image.convert("RGB")), *pictures.values()]
-    for name in ("normals", "velocity"):
-        Image.fromarray(pictures[name]).save(folder / f"{frame}_{name}.png")
+    for shown in ("normals", "velocity"):
+        Image.fromarray(pictures[shown]).save(folder / f"{name}_{shown}.png")
     # Pixel values are the numbers of the segments, the palette is for people.
-    indexed = Image.fromarray(seen.segments, mode="P")
+    indexed = Image.fromarray(segments, mode="P")
     indexed.putpalette(palette.astype(np.uint8).tobytes())
-    indexed.save(folder / f"{frame}_segments.png")
-    Image.fromarray(np.concatenate(row, axis=1)).save(folder / f"{frame}_overview.png")
+    indexed.save(folder / f"{name}_segments.png")
+    Image.fromarray(np.concatenate(row, axis=1)).save(folder / f"{name}_overview.png")

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, load_body
+from drapeline.bodies.model import BodyModel, free_body, load_body, posed_vertices
 from drapeline.dataset.info_mat import Placement, SampleInfo, read_info, read_placement
 from drapeline.dataset.record import (
     BODY_MASKS,
@@ -279,7 +279,6 @@ class Sample:
         stored = self._extras / f"{BODY}.obj"
         if stored.is_file():
             return self._rest_mesh(stored)
-        from drapeline.bodies.model import posed_vertices
         from drapeline.frames import REST_POSE
 
         body = self._body_model
@@ -319,24 +318,32 @@ class Sample:
         """
         if not self._bodies:
             return self._place(self._read(BODY, start, stop), start, frame)
-        from drapeline.bodies.model import posed_vertices
         from drapeline.bodies.sequence import press_apart
 
-        stop = self.frame_count if stop is None else stop
-        if not 0 <= start <= stop <= self.frame_count:
-            raise IndexError(
-                f"{self.folder}: frames [{start}, {stop}) requested, expected a range within"
-                f" [0, {self.frame_count})"
-            )
-        poses = self.info.poses[start:stop]
+        chosen = self._range(start, stop)
+        poses = self.info.poses[chosen]
         points, _ = posed_vertices(self._body_model, self.info.shape, poses)
         if fix := self.masks(BODY):
             press_apart(
                 points,
-                np.arange(start, stop),
+                np.arange(chosen.start, chosen.stop),
                 *(fix[f"fix_{name}"] for name in ("frame", "vertex", "delta")),
             )
         return self._place(points, start, frame)
+
+    def joints(self, start: int = 0, stop: int | None = None, frame: Frame = "world") -> np.ndarray:
+        """The body's 24 joints in frames [start, stop), (stop - start, 24, 3) float32 metres.
+
+        They are computed from poses and shape by the body model that was given, or else by the one
+        that comes with drapeline if the sample was made with that.
+
+        Raises:
+            InputError: there is no body model for this sample.
+            IndexError: the range is not within the sequence.
+        """
+        poses = self.info.poses[self._range(start, stop)]
+        _, joints = posed_vertices(self._body_model, self.info.shape, poses)
+        return self._place(joints, start, frame)
 
     def masks(self, name: str) -> dict[str, np.ndarray]:
         """What is said of the vertices of a garment, or of "Body"; nothing if nothing is stored.
@@ -458,18 +465,31 @@ class Sample:
             self._caches[name] = cache
         return self._caches[name]
 
+    def _range(self, start: int, stop: int | None) -> slice:
+        """The frames [start, stop)."""
+        stop = self.frame_count if stop is None else stop
+        if not 0 <= start <= stop <= self.frame_count:
+            raise IndexError(
+                f"{self.folder}: frames [{start}, {stop}) requested, expected a range within"
+                f" [0, {self.frame_count})"
+            )
+        return slice(start, stop)
+
     @cached_property
     def _body_model(self) -> BodyModel:
-        if self.gender not in self._bodies:
+        if self.gender in self._bodies:
+            body = self._bodies[self.gender]
+        elif self._bodies or self.meta is None:
             raise InputError(
                 f"{self.folder}: no body model for gender {self.gender},"
                 f" only for {', '.join(self._bodies) or 'none'}"
             )
-        body = self._bodies[self.gender]
+        else:
+            body = load_body(free_body(self.gender))
         made_with = self.meta["body"] if self.meta is not None else None
         if made_with is not None and body_fingerprint(body) != made_with["fingerprint"]:
             raise InputError(
-                f"{self.folder}: made with body '{made_with['model']}', but the given body model"
+                f"{self.folder}: made with body '{made_with['model']}', but the body model"
                 f" '{body.name}' has different arrays"
             )
         return body

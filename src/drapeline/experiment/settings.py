@@ -307,7 +307,18 @@ class Renders(Settings):
 
     modality_frames: Annotated[tuple[Annotated[int, Field(ge=0, le=299)], ...], EachOnce()] = Field(
         (0,),
-        description="Frames of each sample for RGB, depth, normals, velocities and segmentation.",
+        description=(
+            "Frames of each sample for RGB, depth, normals, velocities, optical flow, segments and "
+            "keypoints."
+        ),
+    )
+    cameras: int = Field(
+        1,
+        ge=1,
+        le=36,
+        description=(
+            "Cameras that take these, at equal angles around the person; the first is CLOTH3D's."
+        ),
     )
     rays: float = Field(
         1,

@@ -37,6 +37,17 @@ class Camera:
         width, height = (-(-side // factor) for side in (self.width, self.height))
         return replace(self, intrinsics=scale @ self.intrinsics, width=width, height=height)
 
+    def unproject(self, depth: np.ndarray) -> np.ndarray:
+        """World points (H, W, 3) float64 in metres at the centres of pixels.
+
+        Args:
+            depth: (H, W) metres along the optical axis.
+        """
+        column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        pixels = np.stack([column, row, np.ones_like(column)], axis=-1)
+        seen = pixels @ np.linalg.inv(self.intrinsics).T * depth[..., None]
+        return (seen - self.world_to_camera[:3, 3]) @ self.axes
+
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project world points (..., 3) onto the picture.
 

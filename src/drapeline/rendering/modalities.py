@@ -1,4 +1,4 @@
-"""Views of a camera, exact: depth, normals, velocities and segments by casting rays."""
+"""Views of a camera, exact: depth, normals, segments and what vertices carry, by casting rays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Seen:
 
     depth: np.ndarray  # (H, W) float32 metres along the optical axis
     normals: np.ndarray  # (H, W, 3) float32 unit surface normals, world axes, towards the camera
-    velocities: np.ndarray  # (H, W, 3) float32 m/s, world axes
+    carried: np.ndarray  # (H, W, C) float32, numbers of the vertices, such as velocities
     segments: np.ndarray  # (H, W) uint8, 0 for nothing, else 1 + index of the mesh
 
 
@@ -42,7 +42,8 @@ def _cast(
 def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camera: Camera) -> Seen:
     """Cast one ray through the centre of every pixel.
 
-    Meshes have vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and velocities in m/s.
+    Meshes have vertices (V, 3) in world metres, faces (F, 3) or (F, 4), and numbers (V, C) that the
+    vertices carry and that are interpolated.
     """
     height, width = camera.height, camera.width
     vertices = np.concatenate([m[0] for m in meshes]).astype(np.float32)
@@ -50,7 +51,7 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     normals = np.concatenate(
         [vertex_normals(m[0], t) for m, t in zip(meshes, triangles, strict=True)]
     )
-    velocities = np.concatenate([m[2] for m in meshes])
+    carried = np.concatenate([m[2] for m in meshes])
     starts = np.cumsum([0, *(len(m[0]) for m in meshes)])
     corners = np.concatenate([t + s for t, s in zip(triangles, starts[:-1], strict=True)])
     owner = np.repeat(np.arange(1, len(meshes) + 1), [len(t) for t in triangles])
@@ -90,6 +91,6 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     return Seen(
         image(depth.numpy()[hit], np.float32),
         image(facing, np.float32),
-        image((velocities[where] * weights).sum(1), np.float32),
+        image((carried[where] * weights).sum(1), np.float32),
         image(owner[face.numpy()[hit]], np.uint8),
     )

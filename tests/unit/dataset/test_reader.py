@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drapeline.bodies.model import save_body
+from drapeline.bodies.model import posed_vertices, save_body
 from drapeline.dataset.info_mat import read_info, write_info
 from drapeline.dataset.reader import Cloth3D, Sample, open_dataset
 from drapeline.errors import DamagedFile, InputError
@@ -141,7 +141,7 @@ def test_without_a_body_the_original_says_what_it_needs(original):
 
 def test_another_body_than_the_samples_own_is_refused(tiny, toy_body):
     other = replace(toy_body, v_template=toy_body.v_template * 1.01, name="other")
-    with pytest.raises(InputError, match="made with body 'toy-1', but the given body model"):
+    with pytest.raises(InputError, match="made with body 'toy-1', but the body model"):
         Sample(tiny.folder, bodies={"female": other}).body_vertices()
     with pytest.raises(InputError, match="no body model for gender female, only for male"):
         Sample(tiny.folder, bodies={"male": toy_body}).body_vertices()
@@ -291,3 +291,17 @@ def test_a_closed_sample_opens_again(tiny):
     with Sample(tiny.folder) as sample:
         before = sample.vertices("Skirt", 0, 1)
     np.testing.assert_array_equal(sample.vertices("Skirt", 0, 1), before)
+
+
+def test_joints_are_those_of_the_body_that_made_the_sample(tiny, toy_body):
+    with Sample(tiny.folder, bodies={"female": toy_body, "male": toy_body}) as sample:
+        joints = sample.joints(1, 4)
+        expected = posed_vertices(toy_body, sample.info.shape, sample.info.poses[1:4])[1]
+        np.testing.assert_allclose(
+            joints, expected + sample.root_positions(1, 4)[:, None], atol=1e-5
+        )
+        np.testing.assert_allclose(sample.joints(1, 4, frame="root"), expected, atol=1e-6)
+        with pytest.raises(IndexError, match="within"):
+            sample.joints(1, 99)
+    with Sample(tiny.folder) as sample, pytest.raises(InputError, match="has different arrays"):
+        sample.joints()

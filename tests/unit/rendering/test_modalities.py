@@ -25,7 +25,7 @@ def test_a_wall_has_its_distance_everywhere_and_faces_the_camera(camera):
     np.testing.assert_allclose(seen.depth, 4.0, atol=1e-5)
     np.testing.assert_allclose(seen.normals, np.broadcast_to([1.0, 0, 0], (48, 64, 3)), atol=1e-6)
     np.testing.assert_allclose(
-        seen.velocities, np.broadcast_to([0, 2.0, -1.0], (48, 64, 3)), atol=1e-5
+        seen.carried, np.broadcast_to([0, 2.0, -1.0], (48, 64, 3)), atol=1e-5
     )
     assert (seen.segments == 1).all()
 
