@@ -1,4 +1,4 @@
-"""Write animated meshes to a binary glTF 2.0 file with one quantised morph target per frame.
+"""Write animated meshes to a binary glTF 2.0 file: bones for bodies, morph targets for cloth.
 
 This does not use Blender's exporter, which loads the whole animation into memory and makes
 Blender's Python module hang at exit.
@@ -13,17 +13,25 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from drapeline import __version__
-from drapeline.dataset.scene_part import ScenePart, to_y_up
-from drapeline.frames import FPS
+from drapeline.bodies.kinematics import joint_transforms, skin_points, unskin_points
+from drapeline.dataset.scene_part import ScenePart, Skin, to_y_up
+from drapeline.frames import FPS, JOINT_NAMES, PARENTS
 from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.storage import atomic_file
 
-_COMPONENT_TYPES = {"i1": 5120, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+_COMPONENT_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 _VERTEX_DATA, _INDEX_DATA = 34962, 34963
-_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3"}
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_INFLUENCES = 4  # bones per vertex that every viewer takes
+_OFF_M = 1e-3  # from where bones leave a vertex to where it is, without a target of its own
+_Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)  # the quaternion of `to_y_up`
 _QUANTISATION = "KHR_mesh_quantization"
+
+# The mesh vertex (V',) and texture coordinates (V', 2) of each glTF vertex, triangles (F, 3).
+_Split = tuple[np.ndarray, np.ndarray | None, np.ndarray]
 
 
 def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
@@ -36,6 +44,9 @@ def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
     are divided by their largest number, which is the weight that turns them on. So positions are
     exact to 0.04 mm unless a vertex moves by more than 2.5 m beside the first part. A single frame
     is a still without targets. Memory use does not grow with the number of frames.
+
+    A part with a skin in motion is moved by bones instead, four for each vertex as viewers take
+    them, and by sparse morph targets for vertices that these leave more than a millimetre off.
 
     Args:
         path: the `.glb` file.
@@ -63,8 +74,11 @@ class _Asset:
         self._binary = binary
         self._path = path
         self._lists: dict[str, list[dict[str, Any]]] = {
-            name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")
+            name: []
+            for name in ("nodes", "meshes", "materials", "skins", "accessors", "bufferViews")
         }
+        self._moved: list[int] = []  # nodes beneath the one that moves as the first part does
+        self._roots: list[int] = []
         self._samplers: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         if len(path) > 1:
@@ -72,16 +86,16 @@ class _Asset:
             self._times = self._add(times, None, bounds=True)
 
     def finish(self) -> dict[str, Any]:
-        nodes = list(range(len(self._lists["nodes"])))
+        roots = [*self._roots, *self._moved]
         if self._samplers:
-            self._animate(len(nodes), "translation", self._path)
-            self._lists["nodes"].append({"name": "sample", "children": nodes})
-            nodes = [len(nodes)]
+            node = self._add_node({"name": "sample", "children": self._moved})
+            self._animate(node, "translation", self._path)
+            roots = [*self._roots, node]
         document = {
             "asset": {"version": "2.0", "generator": f"drapeline {__version__}"},
             "scene": 0,
-            "scenes": [{"nodes": nodes}],
-            **self._lists,
+            "scenes": [{"nodes": roots}],
+            **{name: things for name, things in self._lists.items() if things},
             "buffers": [{"byteLength": self._binary.tell()}],
         }
         if self._samplers:
@@ -92,22 +106,14 @@ class _Asset:
         return document
 
     def add_part(self, part: ScenePart) -> None:
-        source, uv, triangles = _split_at_seams(part)
+        if part.skin is not None and part.frame_count > 1:
+            self._add_skinned(part, part.skin)
+            return
+        split = _split_at_seams(part)
+        source = split[0]
         faces = triangulate(part.mesh.faces)
         frames = part.frames()
         base = _points_and_normals(next(frames), faces)
-        attributes = {
-            "POSITION": self._add(base[0][source], _VERTEX_DATA, bounds=True),
-            "NORMAL": self._add(base[1][source], _VERTEX_DATA),
-        }
-        if uv is not None:
-            attributes["TEXCOORD_0"] = self._add(uv.astype("<f4"), _VERTEX_DATA)
-        index_type = "<u2" if len(source) < 0xFFFF else "<u4"
-        primitive: dict[str, Any] = {
-            "attributes": attributes,
-            "indices": self._add(triangles.reshape(-1, 1).astype(index_type), _INDEX_DATA),
-            "material": len(self._lists["materials"]),
-        }
         targets, weights = [], []
         for points, shift in zip(frames, self._path[1:], strict=True):
             points, normals = _points_and_normals(points, faces)
@@ -119,16 +125,103 @@ class _Asset:
                     "NORMAL": self._add_quantised(turned[source] / weights[-1], "<i1"),
                 }
             )
+        on = np.diag([0.0, *weights])[:, 1:]
+        self._moved.append(self._add_mesh(part, split, *base, targets, on))
+
+    def _add_skinned(self, part: ScenePart, skin: Skin) -> None:
+        split = _split_at_seams(part)
+        source = split[0]
+        most = np.argsort(-skin.weights, axis=1, kind="stable")[:, :_INFLUENCES]
+        weights = np.take_along_axis(skin.weights, most, axis=1)
+        weights /= weights.sum(axis=1, keepdims=True)
+        all_weights = np.zeros_like(skin.weights)
+        np.put_along_axis(all_weights, most, weights, axis=1)
+        targets = []
+        for frame, points in enumerate(part.frames()):
+            motions, _ = joint_transforms(skin.joints, skin.rotations[frame, None])
+            there = (points - skin.path[frame])[None].astype(np.float64)
+            off = unskin_points(there, motions, all_weights)[0] - skin.rest
+            left = np.linalg.norm(
+                there[0] - skin_points(skin.rest, motions, all_weights)[0], axis=1
+            )
+            off[(left < _OFF_M) & (left < left.max())] = 0  # there has to be one
+            targets.append({"POSITION": self._add_sparse(off[source])})
+        normals = vertex_normals(skin.rest, triangulate(part.mesh.faces))
+        node = self._add_mesh(part, split, skin.rest, normals, targets, np.eye(len(targets)))
+        self._lists["nodes"][node]["skin"] = len(self._lists["skins"])
+        attributes = self._lists["meshes"][-1]["primitives"][0]["attributes"]
+        attributes["JOINTS_0"] = self._add(most[source].astype("u1"), _VERTEX_DATA)
+        attributes["WEIGHTS_0"] = self._add(weights[source].astype("<f4"), _VERTEX_DATA)
+        self._roots += [node, self._add_skeleton(part.name, skin)]
+
+    def _add_skeleton(self, name: str, skin: Skin) -> int:
+        """Add the skin, and its bones in motion, beneath a node that turns Z up to Y up."""
+        first = len(self._lists["nodes"])
+        turns = Rotation.from_matrix(skin.rotations.reshape(-1, 3, 3)).as_quat().reshape(-1, 24, 4)
+        for joint, parent in enumerate(PARENTS):
+            children = [first + int(child) for child in np.flatnonzero(joint == PARENTS)]
+            place = skin.path[0] if joint == 0 else skin.joints[joint] - skin.joints[parent]
+            about = {
+                "name": JOINT_NAMES[joint],
+                "translation": np.asarray(place, np.float64).tolist(),
+                "rotation": turns[0, joint].tolist(),
+            }
+            node = self._add_node(about | ({"children": children} if children else {}))
+            self._animate(node, "rotation", _unbroken(turns[:, joint]))
+        self._animate(first, "translation", skin.path)
+        binds = np.tile(np.eye(4), (24, 1, 1))
+        binds[:, 3, :3] = -skin.joints  # columns first
+        self._lists["skins"].append(
+            {
+                "name": f"{name}_skeleton",
+                "joints": list(range(first, first + 24)),
+                "skeleton": first,
+                "inverseBindMatrices": self._add(binds.reshape(24, 16).astype("<f4"), None),
+            }
+        )
+        return self._add_node({"name": f"{name}_skeleton", "rotation": _Y_UP, "children": [first]})
+
+    def _add_node(self, about: dict[str, Any]) -> int:
+        self._lists["nodes"].append(about)
+        return len(self._lists["nodes"]) - 1
+
+    def _add_mesh(
+        self,
+        part: ScenePart,
+        split: _Split,
+        points: np.ndarray,
+        normals: np.ndarray,
+        targets: list[dict[str, int]],
+        on: np.ndarray,
+    ) -> int:
+        """Add a mesh with points and normals (V, 3), and return the number of its node.
+
+        `on` (F, T) is how far on each target is in each frame.
+        """
+        source, uv, triangles = split
+        attributes = {
+            "POSITION": self._add(points[source].astype("<f4"), _VERTEX_DATA, bounds=True),
+            "NORMAL": self._add(normals[source].astype("<f4"), _VERTEX_DATA),
+        }
+        if uv is not None:
+            attributes["TEXCOORD_0"] = self._add(uv.astype("<f4"), _VERTEX_DATA)
+        index_type = "<u2" if len(source) < 0xFFFF else "<u4"
+        primitive: dict[str, Any] = {
+            "attributes": attributes,
+            "indices": self._add(triangles.reshape(-1, 1).astype(index_type), _INDEX_DATA),
+            "material": len(self._lists["materials"]),
+        }
         mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
+        node = self._add_node({"name": part.name, "mesh": len(self._lists["meshes"])})
         if targets:
             primitive["targets"] = targets
-            mesh["weights"] = [0.0] * len(targets)
-            mesh["extras"] = {"targetNames": [f"{f:04d}" for f in range(1, len(targets) + 1)]}
-            on = np.diag([0.0, *weights])[:, 1:]
-            self._animate(len(self._lists["nodes"]), "weights", on.reshape(-1, 1))
+            mesh["weights"] = on[0].tolist()
+            numbers = range(len(on) - len(targets), len(on))
+            mesh["extras"] = {"targetNames": [f"{f:04d}" for f in numbers]}
+            self._animate(node, "weights", on.reshape(-1, 1))
         self._lists["materials"].append(_material(part))
-        self._lists["nodes"].append({"name": part.name, "mesh": len(self._lists["meshes"])})
         self._lists["meshes"].append(mesh)
+        return node
 
     def _animate(self, node: int, path: str, values: np.ndarray) -> None:
         """Animate a property of a node, interpolated linearly between frames."""
@@ -137,6 +230,30 @@ class _Asset:
         self._channels.append(
             {"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}}
         )
+
+    def _add_sparse(self, values: np.ndarray) -> int:
+        """Append the vectors (n, 3) that are not zero, and say which they are."""
+        which = np.flatnonzero(values.any(axis=1))
+        places = self._add(which[:, None].astype("<u4"), None)
+        there = self._add(values[which].astype("<f4"), None)
+        accessors = self._lists["accessors"]
+        indices, numbers = accessors.pop(places), accessors.pop(places)
+        assert there == places + 1
+        accessors.append(
+            {
+                "componentType": numbers["componentType"],
+                "count": len(values),
+                "type": numbers["type"],
+                "min": np.minimum(values.min(axis=0), 0).astype("<f4").tolist(),
+                "max": np.maximum(values.max(axis=0), 0).astype("<f4").tolist(),
+                "sparse": {
+                    "count": len(which),
+                    "indices": {key: indices[key] for key in ("bufferView", "componentType")},
+                    "values": {"bufferView": numbers["bufferView"]},
+                },
+            }
+        )
+        return places
 
     def _add_quantised(self, values: np.ndarray, dtype: str) -> int:
         """Append vectors (n, 3) of numbers from -1 to 1 as normalised signed integers."""
@@ -193,7 +310,14 @@ def _path(part: ScenePart) -> np.ndarray:
     return to_y_up(np.stack(centres) - centres[0])
 
 
-def _split_at_seams(part: ScenePart) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+def _unbroken(quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (F, 4) of the same rotations, each on the side of the one before."""
+    turned = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
+    signs = np.cumprod(np.where([False, *turned], -1.0, 1.0))
+    return quaternions * signs[:, None]
+
+
+def _split_at_seams(part: ScenePart) -> _Split:
     """Split vertices at UV seams, since glTF has a single index per corner.
 
     Returns:

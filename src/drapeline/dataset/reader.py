@@ -281,7 +281,7 @@ class Sample:
             return self._rest_mesh(stored)
         from drapeline.frames import REST_POSE
 
-        body = self._body_model
+        body = self.body_model
         rest, _ = posed_vertices(body, self.info.shape, REST_POSE[None].copy())
         return Mesh(rest[0], body.faces, body.vt, body.ft)
 
@@ -322,7 +322,7 @@ class Sample:
 
         chosen = self._range(start, stop)
         poses = self.info.poses[chosen]
-        points, _ = posed_vertices(self._body_model, self.info.shape, poses)
+        points, _ = posed_vertices(self.body_model, self.info.shape, poses)
         if fix := self.masks(BODY):
             press_apart(
                 points,
@@ -334,15 +334,14 @@ class Sample:
     def joints(self, start: int = 0, stop: int | None = None, frame: Frame = "world") -> np.ndarray:
         """The body's 24 joints in frames [start, stop), (stop - start, 24, 3) float32 metres.
 
-        They are computed from poses and shape by the body model that was given, or else by the one
-        that comes with drapeline if the sample was made with that.
+        They are computed from poses and shape by `body_model`.
 
         Raises:
             InputError: there is no body model for this sample.
             IndexError: the range is not within the sequence.
         """
         poses = self.info.poses[self._range(start, stop)]
-        _, joints = posed_vertices(self._body_model, self.info.shape, poses)
+        _, joints = posed_vertices(self.body_model, self.info.shape, poses)
         return self._place(joints, start, frame)
 
     def masks(self, name: str) -> dict[str, np.ndarray]:
@@ -367,7 +366,7 @@ class Sample:
 
     def root_positions(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """World position of the root joint in frames [start, stop), (stop - start, 3) float64."""
-        return self._placement.trans[start:stop] @ _rotation_z(self._placement.zrot).T
+        return self._placement.trans[start:stop] @ rotation_z(self._placement.zrot).T
 
     def verify(self) -> None:
         """Read all files and compare their sums with the sample's manifest, if it has one.
@@ -415,7 +414,7 @@ class Sample:
         zrot = self._placement.zrot
         if not turned or zrot == 0:
             return mesh
-        vertices = mesh.vertices @ _rotation_z(zrot).astype(np.float32)  # = Rz(-zrot) v
+        vertices = mesh.vertices @ rotation_z(zrot).astype(np.float32)  # = Rz(-zrot) v
         return Mesh(vertices, mesh.faces, mesh.uv, mesh.uv_faces)
 
     def _check_garment(self, name: str) -> None:
@@ -476,7 +475,12 @@ class Sample:
         return slice(start, stop)
 
     @cached_property
-    def _body_model(self) -> BodyModel:
+    def body_model(self) -> BodyModel:
+        """The body model that was given for the sample's gender, or else the one that comes along.
+
+        Raises:
+            InputError: there is none, or the sample was made with another one.
+        """
         if self.gender in self._bodies:
             body = self._bodies[self.gender]
         elif self._bodies or self.meta is None:
@@ -502,7 +506,7 @@ class Sample:
             raise ValueError(f"frame is '{frame}', expected 'world' or 'root'")
         _shift(points, self._placement.trans[start : start + len(points)].astype(np.float32))
         if self._placement.zrot:
-            points = points @ _rotation_z(self._placement.zrot).T.astype(np.float32)
+            points = points @ rotation_z(self._placement.zrot).T.astype(np.float32)
         return points
 
 
@@ -517,7 +521,7 @@ def _shift(points: np.ndarray, trans: np.ndarray) -> None:
     points[:, whole:] += trans[:, None]
 
 
-def _rotation_z(angle: float) -> np.ndarray:
+def rotation_z(angle: float) -> np.ndarray:
     """(3, 3) rotation about +Z by an angle in radians."""
     sine, cosine = np.sin(angle), np.cos(angle)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

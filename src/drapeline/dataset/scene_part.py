@@ -15,6 +15,17 @@ _CHUNK = 32  # frames held in memory at once
 
 
 @dataclass(frozen=True)
+class Skin:
+    """How bones move a body, but for what cloth and other limbs press in."""
+
+    rest: np.ndarray  # (V, 3) metres, SMPL's zero pose, Y up, the root joint at the origin
+    joints: np.ndarray  # (24, 3) in the same frame
+    weights: np.ndarray  # (V, 24), rows sum to 1
+    rotations: np.ndarray  # (F, 24, 3, 3) of joints against their parents; the root's to the world
+    path: np.ndarray  # (F, 3) world position of the root joint, Z up, metres
+
+
+@dataclass(frozen=True)
 class ScenePart:
     """A moving mesh of a scene: the body or a garment."""
 
@@ -24,6 +35,7 @@ class ScenePart:
     # (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
     read: Callable[[int, int], np.ndarray]
     frame_count: int
+    skin: Skin | None = None
 
     @property
     def linear_colour(self) -> tuple[float, float, float]:

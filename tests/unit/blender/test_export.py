@@ -9,10 +9,12 @@ import pytest
 from scipy.spatial import KDTree
 
 from drapeline.blender.export import FORMATS, export_sample
+from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import to_y_up
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
@@ -117,6 +119,16 @@ def check(folder, frames, out):
         scene = bpy.context.scene
         found[f"{suffix}/range_at_60"] = (
             actions[0] if actions else [scene.frame_start, scene.frame_end])
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = 30
+    bpy.ops.import_scene.gltf(filepath=f"{folder}/rigged.glb")
+    meshes = {t.data.name: t for t in bpy.data.objects if t.type == "MESH"}
+    for frame in range(frames):
+        bpy.context.scene.frame_set(frame)
+        for name in ("Body", "Skirt"):
+            found[f"rigged/{name}/{frame}"] = vertices(meshes[name])
+    found["rigged/bones"] = [
+        len(t.data.bones) for t in bpy.data.objects if t.type == "ARMATURE"]
     for suffix in ("pc2", "mdd"):
         for name in ("Body", "Skirt"):
             bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -155,7 +167,9 @@ def exports(tiny, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def imported(exports):
+def imported(exports, tiny, toy_body):
+    with Sample(tiny.folder, bodies=dict.fromkeys(GENDERS, toy_body)) as sample:
+        write_glb(exports / "rigged.glb", scene_parts(sample))
     out = exports / "imported.npz"
     command = [sys.executable, "-c", IMPORT, str(exports), str(FRAMES), str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
@@ -185,6 +199,15 @@ def test_gltf_comes_back_as_the_same_points_with_seams_doubled(imported, truth):
             assert len(points) >= len(frames[frame])
             assert KDTree(frames[frame]).query(points)[0].max() < 7e-5
             assert KDTree(points).query(frames[frame])[0].max() < 7e-5
+
+
+def test_bones_move_the_body_of_gltf_where_its_model_is_known(imported, truth):
+    assert imported["rigged/bones"].tolist() == [24]
+    for name, off in (("Body", 1.2e-3), ("Skirt", 7e-5)):
+        for frame in range(FRAMES):
+            points, expected = imported[f"rigged/{name}/{frame}"], truth[name][frame]
+            assert KDTree(expected).query(points)[0].max() < off
+            assert KDTree(points).query(expected)[0].max() < off
 
 
 @pytest.mark.parametrize("suffix", ["usdc", "abc"])

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
+from drapeline.dataset.animated_gltf import read_gltf
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import to_y_up
+from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.geometry.mesh import vertex_normals
 
 FRAMES = 6
@@ -35,7 +38,7 @@ def accessor_values(document, binary, index):
     assert view["byteOffset"] % 4 == 0
     dtypes = {5120: "<i1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
     dtype = np.dtype(dtypes[accessor["componentType"]])
-    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
+    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
     stride = view.get("byteStride", width * dtype.itemsize)
     assert view["byteLength"] == accessor["count"] * stride
     assert stride % 4 == 0 or view.get("target") != 34962, "vertices begin at multiples of 4 bytes"
@@ -201,3 +204,48 @@ def test_a_single_frame_is_a_still(tmp_path, parts):
     assert "animations" not in document
     assert "extensionsRequired" not in document
     assert "targets" not in document["meshes"][0]["primitives"][0]
+
+
+@pytest.fixture
+def rigged(tmp_path, tiny, toy_body):
+    """The same with the body model, and the parts."""
+    with Sample(tiny.folder, bodies=dict.fromkeys(GENDERS, toy_body)) as sample:
+        write_glb(tmp_path / "rigged.glb", scene_parts(sample))
+        yield tmp_path / "rigged.glb"
+
+
+def test_bones_and_sparse_targets_move_a_body_whose_model_is_known(rigged, parts):
+    found = {part.name: part for part in read_gltf(rigged)}
+    for part in parts:
+        off = 1.1e-3 if part.name == "Body" else 5e-5
+        for frame in range(FRAMES):
+            [points], [expected] = (
+                found[part.name].read(frame, frame + 1),
+                part.read(frame, frame + 1),
+            )
+            expected = to_y_up(expected)
+            assert KDTree(points).query(expected)[0].max() < off
+            assert KDTree(expected).query(points)[0].max() < off
+
+
+def test_what_bones_say_is_kept_small(rigged, glb):
+    document, binary = read_glb(rigged)
+    [skin] = document["skins"]
+    assert [document["nodes"][joint]["name"] for joint in skin["joints"]] == list(JOINT_NAMES)
+    body = document["meshes"][0]["primitives"][0]
+    weights = accessor_values(document, binary, body["attributes"]["WEIGHTS_0"])
+    assert weights.shape[1] == 4
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    for target in body["targets"]:
+        assert set(target) == {"POSITION"}
+        accessor = document["accessors"][target["POSITION"]]
+        assert 1 <= accessor["sparse"]["count"] < accessor["count"] / 4
+    _, binary_of_plain = glb
+    assert len(binary) < 0.7 * len(binary_of_plain)
+
+
+def test_turns_of_bones_take_the_short_way(rigged):
+    document, binary = read_glb(rigged)
+    for values in values_of(document, binary, "rotation").values():
+        np.testing.assert_allclose(np.linalg.norm(values, axis=1), 1, atol=1e-6)
+        assert ((values[1:] * values[:-1]).sum(axis=1) > 0).all()
