@@ -3,11 +3,12 @@
     .venv/bin/python docs/write_tables.py RESULTS
 
 Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and within lines
-between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages. RESULTS is the folder of results
-within the checkout that made them.
+between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages, and the times that
+Snakemake's log expects of jobs. RESULTS is the folder of results within the checkout that made them.
 """
 
 import argparse
+import json
 import re
 import subprocess
 from collections import Counter
@@ -16,6 +17,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SPLITS, SampleRecord, read_record, solver_name
@@ -33,6 +35,7 @@ from drapeline.schema import read_table
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+USUAL = ROOT / "src/snakemake_logger_plugin_drapeline/seconds.json"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
 STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
@@ -299,12 +302,21 @@ def _bytes(folder: Path) -> int:
 
 def _minutes(results: Results, rule: str = ALL_RULES) -> str:
     """Until the last job of a rule had ended, with two jobs side by side all the while."""
-    jobs = job_times([results.folder / "benchmarks", ROOT / "benchmarks"], {})
+    jobs = _jobs(results)
     chosen = jobs if rule == ALL_RULES else jobs[jobs["rule"] == rule]
     if chosen.empty:
         raise SystemExit(f"{results.folder}: has no time of {rule}, expected a finished run")
     seconds = jobs.loc[jobs["ended_s"] <= chosen["ended_s"].max(), "s"].sum()
     return f"{seconds / 120:.0f} minutes"
+
+
+def _jobs(results: Results) -> pd.DataFrame:
+    return job_times([results.folder / "benchmarks", ROOT / "benchmarks"], {})
+
+
+def usual_times(results: Results) -> dict[str, float]:
+    """Mean seconds of a job of each rule, by which Snakemake's log says how long a run will take."""
+    return _jobs(results).groupby("rule")["s"].mean().round(1).to_dict()
 
 
 def _gigabytes(count: float) -> str:
@@ -373,4 +385,6 @@ def write_tables(results: str | Path, pages: Iterable[Path] = PAGES) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("results", type=Path, help="folder of results")
-    write_tables(parser.parse_args().results)
+    folder = parser.parse_args().results
+    write_tables(folder)
+    USUAL.write_text(json.dumps(usual_times(Results(folder)), indent=1) + "\n")

@@ -1,9 +1,6 @@
 """The workflow started in another folder, and as a module of another workflow."""
 
-import os
-import pty
 import re
-import sys
 
 import pytest
 import yaml
@@ -92,16 +89,3 @@ def test_what_the_catalog_reads_is_there():
     usage = yaml.safe_load((ROOT / ".snakemake-workflow-catalog.yml").read_text())["usage"]
     assert usage["software-stack-deployment"]["conda"] is True
     assert {"snakemake", "workflow"} <= set((ROOT / "README.md").read_text().lower().split())
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_progress_is_a_display_on_a_terminal_and_plain_lines_elsewhere(terminal, monkeypatch):
-    from snakemake.profiles import ProfileConfigFileParser
-
-    ours, theirs = pty.openpty() if terminal else os.pipe()
-    with open(theirs, "w") as stream, open(ROOT / "workflow/profiles/local/config.yaml") as profile:
-        monkeypatch.setattr(sys, "stderr", stream)
-        settings = ProfileConfigFileParser().parse(profile)
-    os.close(ours)
-    assert settings.get("logger") == ("rich" if terminal else None)
-    assert settings["executor"] == "local"
