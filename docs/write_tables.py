@@ -3,8 +3,9 @@
     .venv/bin/python docs/write_tables.py RESULTS
 
 Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and within lines
-between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages, and the times that
-Snakemake's log expects of jobs. RESULTS is the folder of results within the checkout that made them.
+between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages, and the times of jobs by which
+a run says how long it will take. RESULTS is the folder of results within the checkout that made
+them.
 """
 
 import argparse
@@ -315,7 +316,7 @@ def _jobs(results: Results) -> pd.DataFrame:
 
 
 def usual_times(results: Results) -> dict[str, float]:
-    """Mean seconds of a job of each rule, by which Snakemake's log says how long a run will take."""
+    """Mean seconds of a job of each rule."""
     return _jobs(results).groupby("rule")["s"].mean().round(1).to_dict()
 
 
