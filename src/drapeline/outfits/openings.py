@@ -11,6 +11,7 @@ from drapeline.geometry.mesh import boundary_loops
 SIDES = ("left", "right")
 _LIMB_M = 0.12  # around the narrowest opening that a limb passes; smaller ones are buttonholes
 _ROOM = 1.5  # openings are taken to be wider, so that a body of other proportions passes as well
+_LEGS = {f"{side} leg" for side in SIDES}
 _EDGE = 1e-4  # by which a triangle of a fan reaches over its neighbour, of its own size
 
 
@@ -57,7 +58,10 @@ def passing_limbs(bones: dict[str, np.ndarray], opening: np.ndarray) -> set[str]
 
 @dataclass(frozen=True)
 class WornOpenings:
-    """The openings of a garment that a limb passes at rest."""
+    """The openings of a garment that a limb passes at rest.
+
+    Hems that both legs pass do not count: legs may be drawn up into a skirt.
+    """
 
     loops: Sequence[np.ndarray]  # ids of vertices
 
@@ -65,11 +69,13 @@ class WornOpenings:
     def at_rest(cls, vertices: np.ndarray, faces: np.ndarray, joints: np.ndarray) -> "WornOpenings":
         """Those of a garment with vertices (V, 3) on a body with joints (24, 3), in metres."""
         bones = limb_bones(joints)
-        loops = limb_openings(vertices, faces)
-        return cls([loop for loop in loops if passing_limbs(bones, vertices[loop])])
+        passed = [
+            (loop, passing_limbs(bones, vertices[loop])) for loop in limb_openings(vertices, faces)
+        ]
+        return cls([loop for loop, limbs in passed if limbs and limbs != _LEGS])
 
     def lost(self, vertices: np.ndarray, joints: np.ndarray) -> list[np.ndarray]:
-        """The loops among them that no limb passes in another pose, as of a skirt over the head.
+        """The loops among them that no limb passes in another pose, as of trousers that fell off.
 
         Args:
             vertices: (V, 3) metres.

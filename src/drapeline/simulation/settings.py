@@ -101,12 +101,12 @@ class HealthBounds(Settings):
         0.3, ge=0, le=2, description="How far a garment may slide along the body, in metres."
     )
     lost_openings: float = Field(
-        0.1,
+        0.25,
         ge=0,
         le=10,
         description=(
-            "Openings that a limb passed at rest and none passes any more, as of a skirt over the "
-            "head, mean number over frames."
+            "Openings that a limb passed at rest and none passes any more, as of a garment that "
+            "fell off, mean number over frames; hems of skirts do not count."
         ),
     )
     layer_share_mean: float = Field(

@@ -114,11 +114,11 @@ def test_slipping_cloth_is_measured(ball):
 
 
 def test_openings_that_lose_their_limb_are_counted(ball):
-    """A tube around the upper legs, pulled over the feet in half of the frames."""
+    """A tube around the hips and one leg, pulled over the feet in half of the frames."""
     vertices, faces = ball
     rim = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     hoop = np.stack([0.4 * np.cos(rim), 0.4 * np.sin(rim), np.zeros(20)], axis=1)
-    tube = np.concatenate([hoop + [0, 0, -0.2], hoop + [0, 0, -0.5]])
+    tube = np.concatenate([hoop + [0, 0, 0.08], 0.3 * hoop + [0.085, 0, -0.3]])
     first, second = np.arange(20), np.roll(np.arange(20), -1)
     quads = np.stack([first, second, second + 20, first + 20], axis=1)
     joints = posed_vertices(toy_body(), np.zeros(10), REST_POSE[None])[1][0]
@@ -131,7 +131,7 @@ def test_openings_that_lose_their_limb_are_counted(ball):
     assert arrays["lost_openings"][:, 0].tolist() == [0, 0, 2, 2]
     assert summary(arrays)["lost_openings"] == 1
     found = violations({"lost_openings": 1}, HealthBounds())
-    assert found == ["lost_openings 1, expected at most 0.1"]
+    assert found == ["lost_openings 1, expected at most 0.25"]
 
 
 def test_a_sample_is_as_good_as_its_worst_garment():
