@@ -80,8 +80,12 @@ def write_stages(
     status: str = "accepted",
     source: str = "walk.txt",
     gender: str = "female",
+    prints: dict[str, dict[str, Any]] | None = None,
 ) -> TinySample:
-    """Write bodies/, outfits/ and simulation/ of one sample under `stages`."""
+    """Write bodies/, outfits/ and simulation/ of one sample under `stages`.
+
+    `prints`: garment name -> what `prints.draw_print` takes; others are plain.
+    """
     rng = rng_for(seed, "tiny sample", sample)
     poses = np.tile(REST_POSE, (frames, 1)) + rng.normal(0, 0.05, (frames, 72))
     start = np.array([0.3, -0.2, 0.9])
@@ -124,7 +128,11 @@ def write_stages(
             attributes={
                 "fabric": fabric,
                 "elastic": {},
-                "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},
+                "texture": {
+                    "type": "pattern" if name in (prints or {}) else "color",
+                    "data": [0.1, 0.5, 0.9],
+                    **({"print": prints[name]} if name in (prints or {}) else {}),
+                },
                 "parameters": {"length": 0.5},
             },
         )

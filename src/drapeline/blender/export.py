@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from drapeline.blender.scene import add_material, add_mesh, new_scene
 from drapeline.blender.usd import write_usd
@@ -134,10 +133,9 @@ def _add_part(part: ScenePart) -> bpy.types.Object:
     Alembic has no materials, so that the colour is also one of corners. Blender's exporter knows
     colours of corners in bytes alone, and writes them in sRGB.
     """
-    thing = add_mesh(part.name, part.read(0, 1)[0], part.mesh.faces, part.colour)
-    if part.mesh.uv is not None:
-        corners = part.mesh.uv[part.mesh.uv_faces].astype(np.float32)
-        thing.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", corners.ravel())
+    thing = add_mesh(
+        part.name, part.read(0, 1)[0], part.mesh.faces, part.colour, part.mesh.corner_uv
+    )
     colours = thing.data.color_attributes.new("colour", "BYTE_COLOR", "CORNER")
     colours.data.foreach_set("color", (*part.linear_colour, 1.0) * part.mesh.faces.size)
     add_material(thing, part.linear_colour, roughness=0.8)

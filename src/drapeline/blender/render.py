@@ -130,8 +130,9 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
     """Render one frame with Cycles on a grey floor under a soft sky and a lamp."""
     scene = new_scene()
     for part in parts:
-        thing = add_mesh(part.name, part.read(frame, frame + 1)[0], part.mesh.faces)
-        add_material(thing, part.linear_colour, roughness=0.75)
+        [points] = part.read(frame, frame + 1)
+        thing = add_mesh(part.name, points, part.mesh.faces, corner_uv=part.mesh.corner_uv)
+        add_material(thing, part.linear_colour, roughness=0.75, texture=part.texture)
     reach = 30.0
     corners = np.array(
         [[-reach, -reach, 0], [reach, -reach, 0], [reach, reach, 0], [-reach, reach, 0]]

@@ -1,5 +1,6 @@
 """Moving meshes as USD, by Pixar's library: the package usd-core, or Blender's own copy."""
 
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import triangulate, vertex_normals
-from drapeline.storage import copied_file
+from drapeline.storage import atomic_file, copied_file
 
 try:
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -37,7 +38,8 @@ def write_usd(path: str | Path, parts: Sequence[ScenePart]) -> None:
     """Write parts, Z up and in metres, at 30 time codes and frames per second from frame 0 on.
 
     Each part is a mesh with points, normals per vertex, velocities in m/s and extent per frame;
-    texture coordinates as `st`; and its colour both as `displayColor` and as a UsdPreviewSurface.
+    texture coordinates as `st`; and its colour both as `displayColor` and as a UsdPreviewSurface,
+    or its print, a picture beside the file, `{file}_{part}.png`.
 
     Args:
         path: the `.usdc` or `.usda` file.
@@ -56,7 +58,7 @@ def write_usd(path: str | Path, parts: Sequence[ScenePart]) -> None:
         stage.SetDefaultPrim(root.GetPrim())
         for part in parts:
             mesh = _define_mesh(stage, part)
-            _bind_material(stage, mesh, part)
+            _bind_material(stage, mesh, part, _lay_beside(Path(path), part))
             _animate(stage, mesh, part)
         stage.Save()
 
@@ -79,7 +81,17 @@ def _define_mesh(stage: Any, part: ScenePart) -> Any:
     return mesh
 
 
-def _bind_material(stage: Any, mesh: Any, part: ScenePart) -> None:
+def _lay_beside(path: Path, part: ScenePart) -> str:
+    """Name of a copy of a part's print beside the file; empty if it has none."""
+    if part.texture is None or part.mesh.uv is None:
+        return ""
+    copy = path.with_name(f"{path.stem}_{part.name}.png")
+    with atomic_file(copy) as scratch:
+        shutil.copyfile(part.texture, scratch)
+    return copy.name
+
+
+def _bind_material(stage: Any, mesh: Any, part: ScenePart, picture: str) -> None:
     path = f"{_ROOT}/materials/{part.name}"
     UsdGeom.Scope.Define(stage, f"{_ROOT}/materials")
     material = UsdShade.Material.Define(stage, path)
@@ -87,6 +99,20 @@ def _bind_material(stage: Any, mesh: Any, part: ScenePart) -> None:
     shader.CreateIdAttr("UsdPreviewSurface")
     colour = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
     colour.Set(Gf.Vec3f(*part.linear_colour))
+    if picture:
+        place = UsdShade.Shader.Define(stage, f"{path}/st")
+        place.CreateIdAttr("UsdPrimvarReader_float2")
+        place.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        texture = UsdShade.Shader.Define(stage, f"{path}/print")
+        texture.CreateIdAttr("UsdUVTexture")
+        texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(f"./{picture}")
+        texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(
+            place.ConnectableAPI(), "result"
+        )
+        texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+        colour.ConnectToSource(texture.ConnectableAPI(), "rgb")
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.8)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)

@@ -19,9 +19,10 @@ from drapeline import __version__
 from drapeline.bodies.kinematics import joint_transforms, skin_points, unskin_points
 from drapeline.dataset.scene_part import ScenePart, Skin, to_y_up
 from drapeline.frames import FPS, JOINT_NAMES, PARENTS
-from drapeline.geometry.mesh import triangulate, vertex_normals
+from drapeline.geometry.mesh import split_at_seams, triangulate, vertex_normals
 from drapeline.storage import atomic_file
 
+_LISTS = ("nodes", "meshes", "materials", "textures", "images", "skins")
 _COMPONENT_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 _VERTEX_DATA, _INDEX_DATA = 34962, 34963
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -30,12 +31,13 @@ _OFF_M = 1e-3  # from where bones leave a vertex to where it is, without a targe
 _Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)  # the quaternion of `to_y_up`
 _QUANTISATION = "KHR_mesh_quantization"
 
-# The mesh vertex (V',) and texture coordinates (V', 2) of each glTF vertex, triangles (F, 3).
 _Split = tuple[np.ndarray, np.ndarray | None, np.ndarray]
 
 
 def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
     """Write parts, Y up and in metres, with normals, texture coordinates and plain colours.
+
+    Prints are textures within the file.
 
     Frame 0 is the base mesh, in single precision. Each later frame is a morph target that is fully
     on at its own time and off at the times of the other frames, interpolated linearly. What the
@@ -74,8 +76,7 @@ class _Asset:
         self._binary = binary
         self._path = path
         self._lists: dict[str, list[dict[str, Any]]] = {
-            name: []
-            for name in ("nodes", "meshes", "materials", "skins", "accessors", "bufferViews")
+            name: [] for name in (*_LISTS, "accessors", "bufferViews")
         }
         self._moved: list[int] = []  # nodes beneath the one that moves as the first part does
         self._roots: list[int] = []
@@ -109,7 +110,7 @@ class _Asset:
         if part.skin is not None and part.frame_count > 1:
             self._add_skinned(part, part.skin)
             return
-        split = _split_at_seams(part)
+        split = _split(part)
         source = split[0]
         faces = triangulate(part.mesh.faces)
         frames = part.frames()
@@ -129,7 +130,7 @@ class _Asset:
         self._moved.append(self._add_mesh(part, split, *base, targets, on))
 
     def _add_skinned(self, part: ScenePart, skin: Skin) -> None:
-        split = _split_at_seams(part)
+        split = _split(part)
         source = split[0]
         most = np.argsort(-skin.weights, axis=1, kind="stable")[:, :_INFLUENCES]
         weights = np.take_along_axis(skin.weights, most, axis=1)
@@ -219,9 +220,29 @@ class _Asset:
             numbers = range(len(on) - len(targets), len(on))
             mesh["extras"] = {"targetNames": [f"{f:04d}" for f in numbers]}
             self._animate(node, "weights", on.reshape(-1, 1))
-        self._lists["materials"].append(_material(part))
+        self._lists["materials"].append(self._material(part))
         self._lists["meshes"].append(mesh)
         return node
+
+    def _material(self, part: ScenePart) -> dict[str, Any]:
+        surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+        if part.texture is None or part.mesh.uv is None:
+            surface["baseColorFactor"] = [*part.linear_colour, 1.0]
+        else:
+            surface["baseColorTexture"] = {"index": len(self._lists["textures"])}
+            self._lists["textures"].append({"source": len(self._lists["images"])})
+            picture = {"mimeType": "image/png", "bufferView": len(self._lists["bufferViews"])}
+            self._lists["images"].append({"name": part.name, **picture})
+            self._add_bytes(part.texture.read_bytes())
+        # Cloth is a single sheet that is visible from both sides.
+        return {"name": part.name, "pbrMetallicRoughness": surface, "doubleSided": True}
+
+    def _add_bytes(self, data: bytes) -> None:
+        """Append bytes to the binary, with a buffer view of their own."""
+        self._binary.write(b"\0" * (-self._binary.tell() % 4))
+        view = {"buffer": 0, "byteOffset": self._binary.tell(), "byteLength": len(data)}
+        self._lists["bufferViews"].append(view)
+        self._binary.write(data)
 
     def _animate(self, node: int, path: str, values: np.ndarray) -> None:
         """Animate a property of a node, interpolated linearly between frames."""
@@ -317,31 +338,8 @@ def _unbroken(quaternions: np.ndarray) -> np.ndarray:
     return quaternions * signs[:, None]
 
 
-def _split_at_seams(part: ScenePart) -> _Split:
-    """Split vertices at UV seams, since glTF has a single index per corner.
-
-    Returns:
-        The mesh vertex (V',) and the texture coordinates (V', 2), or None, of each glTF vertex,
-        and the triangles (F, 3) between glTF vertices.
-    """
-    mesh = part.mesh
-    if mesh.uv is None or mesh.uv_faces is None:
-        return np.arange(len(mesh.vertices)), None, mesh.triangles
-    pairs = np.stack([mesh.triangles, triangulate(mesh.uv_faces)], axis=-1).reshape(-1, 2)
-    unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
-    # The texture origin of glTF is the upper left corner.
-    uv = mesh.uv[unique[:, 1]] * [1, -1] + [0, 1]
-    return unique[:, 0], uv, inverse.reshape(-1, 3)
-
-
-def _material(part: ScenePart) -> dict[str, Any]:
-    return {
-        "name": part.name,
-        "pbrMetallicRoughness": {
-            "baseColorFactor": [*part.linear_colour, 1.0],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 0.8,
-        },
-        # Cloth is a single sheet that is visible from both sides.
-        "doubleSided": True,
-    }
+def _split(part: ScenePart) -> _Split:
+    """As `split_at_seams`, with texture coordinates as glTF has them."""
+    source, uv, triangles = split_at_seams(part.mesh)
+    # Its origin is the upper left corner.
+    return source, None if uv is None else uv * [1, -1] + [0, 1], triangles

@@ -270,6 +270,16 @@ class Sample:
         self._check_garment(garment)
         return self._rest_mesh(self.folder / f"{garment}.obj")
 
+    def texture(self, garment: str) -> Path | None:
+        """The picture of a garment's print, on its texture coordinates; None if it is plain.
+
+        Raises:
+            KeyError: there is no such garment.
+        """
+        self._check_garment(garment)
+        path = self.folder / f"{garment}.png"
+        return path if path.is_file() else None
+
     def body_mesh(self) -> Mesh:
         """Body in rest pose, in the same frame as the rest garments.
 

@@ -4,6 +4,7 @@ from functools import partial
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix
 from drapeline.bodies.model import shape_body
+from drapeline.dataset.pictures import mean_colour
 from drapeline.dataset.reader import Sample, rotation_z
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart, Skin
 from drapeline.errors import InputError
@@ -18,8 +19,10 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
         skin = _skin(sample)
         parts.append(ScenePart(BODY, sample.body_mesh(), BODY_COLOUR, read, len(sample), skin))
     for name in sample.garments:
-        texture = sample.info.outfit.get(name, {}).get("texture", {})
-        red, green, blue = map(float, texture.get("data", PLAIN_COLOUR))
+        told = sample.info.outfit.get(name, {}).get("texture", {})
+        texture = sample.texture(name)
+        colour = told.get("data", PLAIN_COLOUR if texture is None else mean_colour(texture))
+        red, green, blue = map(float, colour)
         parts.append(
             ScenePart(
                 name,
@@ -27,6 +30,7 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
                 (red, green, blue),
                 partial(sample.vertices, name),
                 len(sample),
+                texture=texture,
             )
         )
     return parts

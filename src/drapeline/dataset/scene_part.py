@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class ScenePart:
     read: Callable[[int, int], np.ndarray]
     frame_count: int
     skin: Skin | None = None
+    texture: Path | None = None  # picture on the mesh's texture coordinates, in place of the colour
 
     @property
     def linear_colour(self) -> tuple[float, float, float]:

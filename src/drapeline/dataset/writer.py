@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from PIL import Image
 
 from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
@@ -28,6 +29,7 @@ from drapeline.manifest import write_manifest
 from drapeline.outfits.fabrics import cloth3d_name
 from drapeline.outfits.garment_types import BODY
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
+from drapeline.outfits.prints import draw_print, metres_per_unit
 from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
 
 META_VERSION = 1
@@ -226,7 +228,7 @@ def _info(
         gender=record.gender,
         outfit={
             garment["name"]: {
-                "texture": garment["texture"],
+                "texture": _cloth3d_texture(garment["texture"]),
                 "fabric": cloth3d_name(garment["fabric"]),
             }
             for garment in description["garments"]
@@ -237,12 +239,22 @@ def _info(
     )
 
 
+def _cloth3d_texture(texture: Mapping[str, Any]) -> dict[str, Any]:
+    """What `info.mat` says of a texture: the colour of a plain one alone."""
+    if texture["type"] == "pattern":
+        return {"type": "pattern"}
+    return {"type": texture["type"], "data": texture["data"]}
+
+
 def _write_garment(
     folder: Path, garment: Garment, simulation: Path, frame_count: int
 ) -> dict[str, float]:
     name = garment.name
     mesh = Mesh(garment.vertices, garment.faces, garment.uv, garment.uv_faces)
     save_obj(folder / f"{name}.obj", mesh)
+    if told := garment.attributes["texture"].get("print"):
+        side = metres_per_unit(garment.vertices, garment.faces, garment.uv, garment.uv_faces)
+        Image.fromarray(draw_print(told, side)).save(folder / f"{name}.png")
     source = simulation / f"{name}.f32"
     with PointCache(source, len(mesh.vertices)) as cache:
         if len(cache) != frame_count:

@@ -25,6 +25,13 @@ class Mesh:
     uv_faces: np.ndarray | None = None
 
     @property
+    def corner_uv(self) -> np.ndarray | None:
+        """(F, k, 2) texture coordinates of the faces' corners; None if there are none."""
+        if self.uv is None or self.uv_faces is None:
+            return None
+        return self.uv[self.uv_faces]
+
+    @property
     def triangles(self) -> np.ndarray:
         """(F', 3) int32; a quad (0,1,2,3) becomes (0,1,2) and (0,2,3) as CLOTH3D readers do."""
         return triangulate(self.faces)
@@ -167,3 +174,17 @@ def cross_rows(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross products of rows (M, 3), several times as fast as NumPy's for short arrays."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def split_at_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Vertices split where one has several texture coordinates, for a single index per corner.
+
+    Returns:
+        The mesh's vertex (V',) and the texture coordinates (V', 2), or None, of each split vertex,
+        and the triangles (F, 3) between split vertices.
+    """
+    if mesh.uv is None or mesh.uv_faces is None:
+        return np.arange(len(mesh.vertices)), None, mesh.triangles
+    pairs = np.stack([mesh.triangles, triangulate(mesh.uv_faces)], axis=-1).reshape(-1, 2)
+    unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+    return unique[:, 0], mesh.uv[unique[:, 1]], inverse.reshape(-1, 3)

@@ -32,6 +32,7 @@ from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.patterns.panels import Pattern, separator
+from drapeline.outfits.prints import draw_texture
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment, rims
@@ -85,17 +86,15 @@ def sample_numbers(
         }
         parts["fullness"] = uniform(rng, ranges.fullness)
         parts["fold_seed"] = int(rng.integers(2**31))
-        out.append(
-            (
-                name,
-                {
-                    "fabric": str(rng.choice(fabrics_of(name, fabrics))),
-                    "elastic": elastic,
-                    "texture": {"type": "color", "data": _colour(rng)},
-                    "parameters": parts,
-                },
-            )
-        )
+        fabric = str(rng.choice(fabrics_of(name, fabrics)))
+        texture = draw_texture(parts["fold_seed"], fabric, _colour(rng))
+        attributes = {
+            "fabric": fabric,
+            "elastic": elastic,
+            "texture": texture,
+            "parameters": parts,
+        }
+        out.append((name, attributes))
     # Lower garments are worn under upper ones.
     return sorted(out, key=lambda item: GARMENT_TYPES[item[0]].region == "upper")
 
@@ -243,6 +242,8 @@ def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: Bod
         **attributes,
         "fabric": own.fabric or attributes["fabric"],
         "elastic": dict.fromkeys(own.elastic, True),
+        # Prints are drawn for the texture maps of patterns.
+        "texture": {"type": "color", "data": attributes["texture"]["data"]},
         "parameters": {"own_garment": own.path, "held": list(held)},
     }
     # Loading made some where there were none.

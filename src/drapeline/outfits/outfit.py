@@ -59,8 +59,10 @@ class Outfit:
         )
 
 
+# `data` is the colour of most of it; of a "pattern", `print` is what `prints.draw_print` takes.
+_TEXTURE = {"type": str, "data?": 3 * [float], "print?": dict}
 OUTFIT_JSON = {
-    "garments": [{"name": str, "fabric": str, "texture": {"type": str, "data?": 3 * [float]}}],
+    "garments": [{"name": str, "fabric": str, "texture": _TEXTURE}],
     "gender": str,
     "shape": 10 * [float],
     "tightness": 2 * [float],

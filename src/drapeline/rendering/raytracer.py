@@ -21,13 +21,23 @@ FLOOR_REACH_M = 1.6  # shadows fade out at this distance from where they are dar
 
 
 @dataclass(frozen=True)
+class Texture:
+    """A picture on a mesh."""
+
+    picture: np.ndarray  # (H, W, 3) uint8 sRGB, the highest row first
+    uv: np.ndarray  # (T, 2), (0, 0) at the picture's lower left, (1, 1) at its upper right
+    uv_faces: np.ndarray  # (F, 3) or (F, 4) rows of `uv`, as the mesh's faces
+
+
+@dataclass(frozen=True)
 class ColouredMesh:
-    """A mesh in one colour."""
+    """A mesh in one colour, or with a picture on it."""
 
     vertices: np.ndarray  # (V, 3) world, metres
     faces: np.ndarray  # (F, 3) or (F, 4)
     colour: Sequence[float] | np.ndarray  # (3,) sRGB in 0-1
     gloss: float = 0.0  # strength of the highlight, 0 for none
+    texture: Texture | None = None
 
 
 # What a pixel shows, in `_Pixels.kind`: nothing, the floor, or a mesh.
@@ -74,6 +84,10 @@ class _Surfaces:
     normals: wp.array[wp.vec3]
     colours: wp.array[wp.vec3]
     gloss: wp.array[float]
+    # Of each face: number of its picture's first pixel, or -1; width and height of the picture.
+    picture: wp.array[wp.vec3i]
+    uv: wp.array[wp.vec2]  # of each face's corners, in pixels
+    pixels: wp.array[wp.vec3]
 
 
 @wp.struct
@@ -86,6 +100,8 @@ class _Spot:
     normal: wp.vec3
     flat: wp.vec3
     rounded: wp.vec3
+    u: float
+    v: float
 
 
 @wp.struct
@@ -96,6 +112,7 @@ class _Pixels:
     face: wp.array[int]
     place: wp.array[wp.vec3]
     normal: wp.array[wp.vec3]
+    where: wp.array[wp.vec2]  # in the face
 
 
 @wp.func
@@ -166,6 +183,8 @@ def _look(surfaces: _Surfaces, view: _View, x: float, y: float) -> _Spot:
             spot.place = place
             spot.normal = side * normal
             spot.flat = flat
+            spot.u = hit.u
+            spot.v = hit.v
             # Facets would shade one another where light grazes (Hanika 2021).
             spot.rounded = (
                 hit.u * _above(place, points[a], side * surfaces.normals[a])
@@ -260,10 +279,35 @@ def _paint(
         light[3] * surfaces.gloss[spot.face] * wp.pow(wp.max(0.0, wp.dot(spot.normal, half)), 24.0)
     )
     found = wp.cw_mul(
-        surfaces.colours[spot.face],
+        _cloth(surfaces, spot),
         0.68 * wp.vec3(light[0], light[1], light[2]) + 0.8 * lamp * wp.vec3(1.0, 0.97, 0.93),
     ) + shine * wp.vec3(1.0, 1.0, 1.0)
     return wp.vec3(_shoulder(found[0]), _shoulder(found[1]), _shoulder(found[2]))
+
+
+@wp.func
+def _cloth(surfaces: _Surfaces, spot: _Spot) -> wp.vec3:
+    """The colour of a mesh at a spot."""
+    picture = surfaces.picture[spot.face]
+    if picture[0] < 0:
+        return surfaces.colours[spot.face]
+    place = (
+        spot.u * surfaces.uv[3 * spot.face]
+        + spot.v * surfaces.uv[3 * spot.face + 1]
+        + (1.0 - spot.u - spot.v) * surfaces.uv[3 * spot.face + 2]
+    )
+    width = picture[1]
+    height = picture[2]
+    x = wp.clamp(place[0] - 0.5, 0.0, float(width - 1))
+    y = wp.clamp(place[1] - 0.5, 0.0, float(height - 1))
+    column = wp.min(int(x), width - 2)
+    row = wp.min(int(y), height - 2)
+    first = picture[0] + row * width + column
+    upper = wp.lerp(surfaces.pixels[first], surfaces.pixels[first + 1], x - float(column))
+    lower = wp.lerp(
+        surfaces.pixels[first + width], surfaces.pixels[first + width + 1], x - float(column)
+    )
+    return wp.lerp(upper, lower, y - float(row))
 
 
 @wp.func
@@ -296,6 +340,7 @@ def _expose(surfaces: _Surfaces, view: _View, pixels: _Pixels, light: wp.array[w
     pixels.face[pixel] = spot.face
     pixels.place[pixel] = spot.place
     pixels.normal[pixel] = spot.normal
+    pixels.where[pixel] = wp.vec2(spot.u, spot.v)
     if spot.kind == _BACKDROP:
         return
     # Neighbours differ as much as possible in their place of the sequence.
@@ -379,6 +424,8 @@ def _develop(
         spot.face = pixels.face[pixel]
         spot.place = pixels.place[pixel]
         spot.normal = pixels.normal[pixel]
+        spot.u = pixels.where[pixel][0]
+        spot.v = pixels.where[pixel][1]
         x = float(column) + 0.5
         y = float(row) + 0.5
         image[pixel] = _paint(surfaces, view, spot, x, y, light[pixel], backdrop)
@@ -459,6 +506,7 @@ def raytrace(
     surfaces.normals = _array(normals, wp.vec3)
     surfaces.colours = _array(np.repeat(linear, counts, axis=0), wp.vec3)
     surfaces.gloss = _array(np.repeat([p.gloss for p in parts], counts), float)
+    _lay_pictures(surfaces, parts, counts, camera)
     rays = _RAY_SHARE.get() * samples
     block = max(1, round(rays**-0.5))
     size, camera = (camera.height, camera.width), camera.reduced(block)
@@ -467,6 +515,7 @@ def raytrace(
     pixels = _Pixels()
     pixels.kind, pixels.face = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
     pixels.place, pixels.normal = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
+    pixels.where = wp.zeros(count, dtype=wp.vec2, device=_DEVICE)
     light, blended = (wp.zeros(count, dtype=wp.vec4, device=_DEVICE) for _ in range(2))
     image = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
     wall = wp.vec3(*[float(_to_linear(np.array(BACKDROP)))] * 3)
@@ -479,6 +528,44 @@ def raytrace(
         wp.launch(kernel, dim=count, inputs=inputs, device=_DEVICE)
     picture = _to_srgb(image.numpy().reshape(camera.height, camera.width, 3))
     return picture.repeat(block, axis=0).repeat(block, axis=1)[: size[0], : size[1]]
+
+
+def _lay_pictures(
+    surfaces: _Surfaces, parts: Sequence[ColouredMesh], counts: Sequence[int], camera: Camera
+) -> None:
+    """Put pictures on meshes, as coarse as the camera sees them: finer ones would flicker."""
+    first = 0
+    pictures, places = np.full((sum(counts), 3), -1), np.zeros((sum(counts), 3, 2))
+    pixels = [np.zeros((1, 3))]
+    starts = np.cumsum([0, *counts])
+    for part, start, count in zip(parts, starts[:-1], counts, strict=True):
+        if part.texture is None:
+            continue
+        picture = _seen_from(part, part.texture, camera)
+        height, width = picture.shape[:2]
+        corners = part.texture.uv[triangulate(np.asarray(part.texture.uv_faces))]
+        places[start : start + count] = (corners * [1, -1] + [0, 1]) * [width, height]
+        pictures[start : start + count] = (first + 1, width, height)
+        pixels.append(_to_linear(picture.reshape(-1, 3) / 255))
+        first += height * width
+    surfaces.picture = wp.array(pictures.astype(np.int32), dtype=wp.vec3i, device=_DEVICE)
+    surfaces.uv = _array(places.reshape(-1, 2), wp.vec2)
+    surfaces.pixels = _array(np.concatenate(pixels), wp.vec3)
+
+
+def _seen_from(part: ColouredMesh, texture: Texture, camera: Camera) -> np.ndarray:
+    """A picture with about as many pixels on the mesh as the camera has."""
+    corners = part.vertices[triangulate(np.asarray(part.faces))][:, :2]
+    image, _ = camera.project(np.asarray(corners, np.float64))
+    places = texture.uv[triangulate(np.asarray(texture.uv_faces))][:, :2] * texture.picture.shape[0]
+    seen, laid = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) for ends in (image, places))
+    picture = texture.picture.astype(np.float32)
+    # Cloth that is seen aslant is as short as a tenth; most is not.
+    factor = int(np.median(laid) / max(np.quantile(seen, 0.75), 1e-3))
+    factor = max(1, min(factor, min(picture.shape[:2]) // 4))
+    height, width = (side // factor * factor for side in picture.shape[:2])
+    blocks = picture[:height, :width].reshape(height // factor, factor, width // factor, factor, 3)
+    return blocks.mean(axis=(1, 3))
 
 
 def _array(values: np.ndarray, dtype: type) -> wp.array:

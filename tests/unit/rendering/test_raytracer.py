@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from drapeline.rendering.camera import look_at
-from drapeline.rendering.raytracer import FLOOR_REACH_M, ColouredMesh, ray_share, raytrace
+from drapeline.rendering.raytracer import FLOOR_REACH_M, ColouredMesh, Texture, ray_share, raytrace
 
 BOX = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.5, 1.1)])
 SIDES = np.array(
@@ -123,3 +123,43 @@ def test_with_less_than_a_ray_for_each_pixel_blocks_are_pixels_of_a_smaller_pict
     assert np.ptp(coarse.astype(int)) > 100
     with ray_share(1 / 16 / 64):  # blocks at the right and at the bottom are cut off
         assert ball_picture(2).shape == (150, 150, 3)
+
+
+def test_a_picture_lies_on_a_mesh_as_its_texture_coordinates_say():
+    """Red, green, blue and grey quarters on a wall, which fills the view."""
+    target = np.array([0.0, 0.0, 10.0])
+    camera = look_at(target - [0, 4, 0], target, focal_px=100, size=(40, 40))
+    wall = target + np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])
+    quarters = np.array([[[200, 0, 0], [0, 200, 0]], [[0, 0, 200], [200, 200, 200]]], np.uint8)
+    picture = quarters.repeat(64, axis=0).repeat(64, axis=1)
+    corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    faces = np.array([[0, 1, 2, 3]])
+    part = ColouredMesh(wall, faces, (0, 0, 0), texture=Texture(picture, corners, faces))
+    seen = raytrace([part], camera, samples=16).astype(int)
+    upper_left, upper_right = seen[10, 10], seen[10, 30]
+    lower_left, lower_right = seen[30, 10], seen[30, 30]
+    assert upper_left[0] > 100 > 20 > upper_left[1:].max()
+    assert upper_right[1] > 100 > 20 > upper_right[[0, 2]].max()
+    assert lower_left[2] > 100 > 20 > lower_left[:2].max()
+    assert lower_right.min() > 100
+
+
+def test_a_fine_print_is_seen_as_its_mean_from_far_away():
+    target = np.array([0.0, 0.0, 10.0])
+    camera = look_at(target - [0, 4, 0], target, focal_px=100, size=(40, 40))
+    wall = target + np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])
+    corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    faces = np.array([[0, 1, 2, 3]])
+    lines = np.zeros((512, 512, 3), np.uint8)
+    lines[::2] = 180
+    grey = np.full((64, 64, 3), 90, np.uint8)
+    fine, plain = (
+        raytrace(
+            [ColouredMesh(wall, faces, (1, 0, 0), texture=Texture(picture, corners, faces))],
+            camera,
+            samples=16,
+        )
+        for picture in (lines, grey)
+    )
+    middle = slice(5, 35)
+    assert np.abs(fine[middle, middle].astype(int) - plain[middle, middle]).max() <= 3

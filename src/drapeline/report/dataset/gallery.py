@@ -28,7 +28,7 @@ from drapeline.rendering.pictures import (
     text_card,
 )
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.colours import fabric_gloss
+from drapeline.report.dataset.paint import paint
 from drapeline.report.html import write_page
 from drapeline.rule_log import progress
 
@@ -139,13 +139,7 @@ def _shot(
     sample: Sample, parts: Sequence[ScenePart], frame: int, camera: Camera, *, samples: int = 16
 ) -> np.ndarray:
     painted = [
-        ColouredMesh(
-            part.read(frame, frame + 1)[0],
-            part.mesh.faces,
-            part.colour,
-            fabric_gloss(sample.fabrics.get(part.name)),
-        )
-        for part in parts
+        paint(part, part.read(frame, frame + 1)[0], sample.fabrics.get(part.name)) for part in parts
     ]
     target = camera.position + _DISTANCE_M * camera.axes[2]
     return raytrace(painted, camera, floor_centre=target[:2], samples=samples)

@@ -1,7 +1,7 @@
 """Dressed people side by side in motion, as an endless picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from drapeline.frames import FPS
 from drapeline.rendering.camera import Camera, facing_direction, frame_points, look_at
 from drapeline.rendering.pictures import save_animation
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.colours import fabric_gloss
+from drapeline.report.dataset.paint import paint
 from drapeline.rule_log import progress
 
 _BLENDED = 8  # frames over which the end of a loop becomes its beginning
@@ -71,7 +71,7 @@ def render_people(
     pictures = [
         raytrace(
             [
-                ColouredMesh(vertices[frame], mesh.faces, mesh.colour, mesh.gloss)
+                replace(mesh, vertices=vertices[frame])
                 for person in people
                 for mesh, vertices in zip(person.meshes, person.moving, strict=True)
             ],
@@ -125,8 +125,7 @@ def _read_person(folder: str | Path) -> _MovingPerson:
         meshes, moving = [], []
         for part in scene_parts(sample):
             vertices = (part.read(0, count) - level[:, None]) @ turned.T
-            gloss = fabric_gloss(sample.fabrics.get(part.name))
-            meshes.append(ColouredMesh(vertices[0], part.mesh.faces, part.colour, gloss))
+            meshes.append(paint(part, vertices[0], sample.fabrics.get(part.name)))
             moving.append(vertices.astype(np.float32))
     return _MovingPerson(meshes, moving)
 

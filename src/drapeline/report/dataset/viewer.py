@@ -1,6 +1,7 @@
 """A sample as one HTML page to turn and play, which needs neither a network nor libraries."""
 
 import base64
+import io
 import json
 import zlib
 from collections.abc import Sequence
@@ -10,12 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
+from drapeline.dataset.pictures import read_picture
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import SPLITS, read_meta
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
+from drapeline.geometry.mesh import split_at_seams
 from drapeline.storage import atomic_file
 
 FRAMES_MAX = 60
@@ -25,6 +29,7 @@ REPORT_BYTES_MAX = 1_450_000
 STEPS_M = (0.0002, 0.0005, 0.001)  # what vertices are rounded to
 _LEVELS = 2**16 - 1
 _PAGE_BYTES = 25_000  # without its meshes
+_PRINT_REDUCED, _PRINT_COLOURS = 2, 24
 
 
 def example_sample(dataset: str | Path) -> Path | None:
@@ -60,7 +65,7 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
         strides = range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1)
         for stride, step in product(strides, STEPS_M):
             header, blob = encode_parts(parts, range(0, len(sample), stride), step)
-            if 4 / 3 * len(blob) < bytes_max - _PAGE_BYTES:
+            if 4 / 3 * len(blob) + len(json.dumps(header)) < bytes_max - _PAGE_BYTES:
                 break
         header |= {
             "title": f"Sample {sample.id}",
@@ -76,8 +81,9 @@ def encode_parts(
 ) -> tuple[dict[str, Any], bytes]:
     """Encode meshes and chosen frames as a header and one compressed block.
 
-    The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from
-    `origin_m`, coded as `encode_frames` says.
+    The block holds, part by part, the triangles as uint32; of printed parts, which vertex each of
+    the triangles' corners is as uint32, and its texture coordinates as float32; and the vertices as
+    16-bit steps from `origin_m`, coded as `encode_frames` says.
 
     Args:
         frames: which frames to keep, in order.
@@ -95,17 +101,22 @@ def encode_parts(
     blocks = []
     about = []
     for part, points in zip(parts, moving, strict=True):
-        triangles = np.ascontiguousarray(part.mesh.triangles, dtype="<u4")
+        source, uv, triangles = split_at_seams(part.mesh)
+        one = {
+            "name": part.name,
+            "colour": [round(value, 4) for value in part.colour],
+            "vertices": points.shape[1],
+            "triangles": len(triangles),
+        }
+        if part.texture is not None and uv is not None:
+            blocks += [triangles.astype("<u4").tobytes(), source.astype("<u4").tobytes()]
+            blocks.append(uv.astype("<f4").tobytes())
+            one |= {"corners": len(source), "print": _small_picture(part.texture)}
+        else:
+            blocks.append(part.mesh.triangles.astype("<u4").tobytes())
         steps = np.rint((points - origin) / step).astype(np.uint16)
-        blocks += [triangles.tobytes(), encode_frames(steps)]
-        about.append(
-            {
-                "name": part.name,
-                "colour": [round(value, 4) for value in part.colour],
-                "vertices": points.shape[1],
-                "triangles": len(triangles),
-            }
-        )
+        blocks.append(encode_frames(steps))
+        about.append(one)
     header = {
         "origin_m": [float(value) for value in origin],
         "step_m": step,
@@ -113,6 +124,14 @@ def encode_parts(
         "parts": about,
     }
     return header, zlib.compress(b"".join(blocks), 9)
+
+
+def _small_picture(path: Path) -> str:
+    """A data URL of a picture with few pixels and colours."""
+    picture = Image.fromarray(read_picture(path)).reduce(_PRINT_REDUCED).quantize(_PRINT_COLOURS)
+    stream = io.BytesIO()
+    picture.save(stream, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def encode_frames(steps: np.ndarray) -> bytes:
