@@ -26,7 +26,7 @@ from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.user_garment import garment_type
 from drapeline.report.dataset.gallery import render_gallery
-from drapeline.report.dataset.people import render_people
+from drapeline.report.dataset.people import LEAST_FRAMES, render_people
 from drapeline.report.dataset.viewer import write_viewer
 from drapeline.storage import atomic_folder, copy_folder
 
@@ -118,6 +118,11 @@ def run(args: argparse.Namespace) -> int:
     stop = len(motion) if args.frames is None else min(len(motion), args.start + args.frames)
     motion = cut_piece(motion, args.start, stop, speed=1.0, mirrored=False)
     LOGGER.info("motion: %.1f s of %s", len(motion) / FPS, args.motion)
+    for path in outputs:
+        if path.suffix.lower() == ".webp" and len(motion) < LEAST_FRAMES:
+            raise InputError(
+                f"{path}: a moving picture of {len(motion)} frames, expected {LEAST_FRAMES} or more"
+            )
     body = load_body(args.body or free_body(args.gender))
     own = dict(_own_garment(text, body, args) for text in args.garment)
     bmi = _BMI if args.bmi is None else (args.bmi, args.bmi)

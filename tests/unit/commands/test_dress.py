@@ -69,6 +69,7 @@ def test_it_needs_no_torch_no_pipeline_and_no_blender():
         (["-o", "a.fbx"], "'.fbx' is unknown, expected .glb, .html"),
         (["--start", "900"], "--start 900: expected 0 to"),
         (["--frames", "0"], "--frames 0: expected at least 1"),
+        (["--frames", "20", "-o", "a.webp"], "a.webp: a moving picture of 20 frames, expected 48"),
         (["--garment", "none.obj"], "none.obj"),
         (["--outfit", "dress", "--garment", f"skirt={SKIRT}"], "a Skirt, but --outfit is dress"),
         (["--bmi", "500"], "--bmi 500: expected 10 to 60"),

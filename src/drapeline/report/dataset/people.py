@@ -19,6 +19,7 @@ from drapeline.rule_log import progress
 
 _BLENDED = 8  # frames over which the end of a loop becomes its beginning
 _LOOP_FRAMES = range(40, 61)
+LEAST_FRAMES = _LOOP_FRAMES[0] + _BLENDED  # of a sample
 _DISTANCE_M = 10.0
 _EYE_M = 1.9
 _TURN_DEG = 20.0  # people look past the camera by this angle
@@ -115,9 +116,10 @@ def best_loop(moving: Sequence[np.ndarray]) -> tuple[int, list[int]]:
 def _read_person(folder: str | Path) -> _MovingPerson:
     with Sample(folder) as sample:
         count = len(sample)
-        least = _LOOP_FRAMES[0] + _BLENDED
-        if count < least:
-            raise InputError(f"{folder}: has {count} frames, expected {least} or more for a loop")
+        if count < LEAST_FRAMES:
+            raise InputError(
+                f"{folder}: has {count} frames, expected {LEAST_FRAMES} or more for a loop"
+            )
         front = facing_direction(sample.info.poses[count // 2, :3])
         turn = np.radians(_TURN_DEG - 90) - np.arctan2(front[1], front[0])
         turned = Rotation.from_euler("z", turn).as_matrix()
