@@ -72,7 +72,7 @@ class LogHandler(LogHandlerBase):
                     note(self, record)
                 elif event in _WORDS or record.levelno >= WARNING:
                     self._say_plainly(record)
-                elif event is None:
+                elif event in (None, LogEvent.RESOURCES_INFO):
                     self._note(record)
         except Exception:  # as handlers do: what cannot be said must not end the run
             self.handleError(record)

@@ -8,6 +8,7 @@ from importlib.resources import files
 from typing import NamedTuple
 
 _UNKNOWN_S = 10.0  # a job of a rule that nothing is known of
+_TRUSTED_S = 60.0  # first jobs are short, and say little of how fast a machine is
 
 
 class RunningJob(NamedTuple):
@@ -59,7 +60,7 @@ class Estimate:
         now = time.monotonic()
         usual = sum(len(took) * self._usual_s(rule) for rule, took in self._took.items())
         spent = sum(map(sum, self._took.values()))
-        factor = spent / usual if usual else 1.0
+        factor = (spent + _TRUSTED_S) / (usual + _TRUSTED_S)
         left = 0.0
         for rule, count in self._planned.items():
             took = self._took.get(rule, [])

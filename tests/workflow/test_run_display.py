@@ -52,7 +52,7 @@ def test_a_log_file_has_a_line_for_each_job_that_is_done(folder):
         COMMAND, cwd=folder, env=environment(), capture_output=True, text=True, check=False
     )
     assert run.returncode == 1
-    assert "5 jobs to do" in run.stderr
+    assert "5 jobs to do, about 50 s by the default experiment's times" in run.stderr
     assert sorted(number for number, _ in finished(run.stderr)) == ["0", "1", "2"]
     assert [done for _, done in finished(run.stderr)] == ["1", "2", "3"]
     assert "what went wrong" in run.stderr
