@@ -162,4 +162,5 @@ def test_a_fine_print_is_seen_as_its_mean_from_far_away():
         for picture in (lines, grey)
     )
     middle = slice(5, 35)
-    assert np.abs(fine[middle, middle].astype(int) - plain[middle, middle]).max() <= 3
+    # The lines differ by 180 of 255; blocks of an odd number of them still do a little.
+    assert np.abs(fine[middle, middle].astype(int) - plain[middle, middle]).max() <= 18

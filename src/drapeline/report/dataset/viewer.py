@@ -65,7 +65,8 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
         strides = range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1)
         for stride, step in product(strides, STEPS_M):
             header, blob = encode_parts(parts, range(0, len(sample), stride), step)
-            if 4 / 3 * len(blob) + len(json.dumps(header)) < bytes_max - _PAGE_BYTES:
+            pictures = sum(len(part.get("print", "")) for part in header["parts"])
+            if 4 / 3 * len(blob) + pictures < bytes_max - _PAGE_BYTES:
                 break
         header |= {
             "title": f"Sample {sample.id}",
