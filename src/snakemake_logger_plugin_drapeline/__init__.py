@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from snakemake.logging import ColorizingTextHandler, DefaultFilter, DefaultFormatter
+from snakemake.settings.enums import Quietness
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
@@ -23,14 +24,13 @@ from snakemake_logger_plugin_drapeline.estimate import Estimate, RunningJob, in_
 # What Snakemake says on the way to every run.
 _USUAL = re.compile(
     r"Assuming unrestricted|Building DAG|Using shell|Provided |Rules claiming|Select jobs|"
-    r"Complete log|Execute |Job stats|host:|\d+ of \d+ steps|Multiple|Will exit|$"
+    r"Complete log|Execute |Job stats|host:|\d+ of \d+ steps|$"
 )
 _CORES = re.compile(r"Provided cores: (\d+)")
 _PROGRESS = re.compile(r" INFO ([^:\n]+: \d+ of \d+)")  # as `drapeline.rule_log.progress` logs it
 _REFRESH_S = 1.0
 _WORDS = {
-    *(LogEvent.JOB_ERROR, LogEvent.GROUP_ERROR, LogEvent.ERROR, LogEvent.DEBUG_DAG),
-    LogEvent.SHELLCMD,
+    *(LogEvent.ERROR, LogEvent.DEBUG_DAG, LogEvent.SHELLCMD),
 }
 
 
@@ -58,7 +58,8 @@ class LogHandler(LogHandlerBase):
         self._estimate = Estimate()
         self._running: dict[int, RunningJob] = {}
         self._over = threading.Event()
-        if self._stream.isatty() and not given.dryrun:
+        self._quiet = bool({Quietness.ALL, Quietness.PROGRESS} & set(given.quiet or ()))
+        if self._stream.isatty() and not given.dryrun and not self._quiet:
             threading.Thread(target=self._refresh, daemon=True).start()
 
     def emit(self, record: LogRecord) -> None:
@@ -125,7 +126,14 @@ class LogHandler(LogHandlerBase):
         left = self._estimate.left_s(list(self._running.values()))
         return f"{done} of {total} done" + (f", about {in_words(left)} left" if left else "")
 
+    def _end_group(self, record: LogRecord) -> None:
+        for job in getattr(record, "job_error_info", None) or ():
+            self._running.pop(job.get("jobid", -1), None)
+        self._say_plainly(record)
+
     def _say(self, text: str) -> None:
+        if self._quiet:
+            return
         self._clear()
         print(time.strftime("%H:%M:%S"), text, file=self._stream, flush=True)
 
@@ -153,6 +161,7 @@ class LogHandler(LogHandlerBase):
         LogEvent.JOB_INFO: _start,
         LogEvent.JOB_FINISHED: _finish,
         LogEvent.JOB_ERROR: _end,
+        LogEvent.GROUP_ERROR: _end_group,
     }
 
 

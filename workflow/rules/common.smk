@@ -102,7 +102,7 @@ def check_targets():
         return
     if Path(workflow.main_snakefile).resolve() != (ROOT / "Snakefile").resolve():
         return  # of another workflow, whose rules come after these
-    names = [one.name for one in workflow.rules]
+    names = [one.name for one in workflow.rules if not one.has_wildcards()]
     patterns = {}
     for file in (file for one in workflow.rules for file in one.output):
         constraints = get_wildcard_constraints(file)

@@ -105,7 +105,11 @@ rule render_modalities:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=30,
+        runtime=minutes(
+            20
+            * len(config["renders"]["modality_frames"])
+            * config["renders"]["cameras"]
+        ),
     params:
         frames=lookup(dpath="renders/modality_frames", within=config),
         cameras=lookup(dpath="renders/cameras", within=config),

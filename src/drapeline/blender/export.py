@@ -29,8 +29,8 @@ def export_sample(
     """Export body and garments of one sample, moving in the world frame at 30 frames per second.
 
     - `usdc`: one file, Z up and metres as its header says; points, normals and velocities per
-      frame.
-    - `glb`: one file, Y up, one quantised morph target per frame.
+      frame; prints lie beside it.
+    - `glb`: one file, Y up, see `write_glb`.
     - `abc`: one file, Y up, points per frame, colours of corners.
     - `pc2`, `mdd`: per mesh an OBJ in rest pose and a cache for it, both Y up.
     - `obj`: per mesh a folder with an OBJ per frame, Y up.

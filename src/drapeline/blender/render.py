@@ -14,6 +14,7 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.coco import CocoDocument
 from drapeline.rendering.modalities import Seen, cast_rays
@@ -70,7 +71,7 @@ def render_modalities(
             if not 0 <= frame < len(sample):
                 raise InputError(f"{folder}: frame {frame}, expected 0 to {len(sample) - 1}")
         parts = scene_parts(sample)
-        coco = CocoDocument([part.name for part in parts[1:]])
+        coco = CocoDocument(sample.id, [part.name for part in parts[1:]], GARMENTS)
         extrinsics = {}
         views = [(frame, number) for frame in frames for number in range(cameras)]
         for frame, number in progress(views, label="modalities"):

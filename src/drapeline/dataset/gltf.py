@@ -60,6 +60,7 @@ def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
             asset.add_part(part)
         document = json.dumps(asset.finish(), separators=(",", ":")).encode()
         document += b" " * (-len(document) % 4)
+        binary.write(b"\0" * (-binary.tell() % 4))
         length = binary.tell()
         binary.seek(0)
         with atomic_file(path) as scratch, open(scratch, "wb") as stream:
@@ -107,8 +108,8 @@ class _Asset:
         return document
 
     def add_part(self, part: ScenePart) -> None:
-        if part.skin is not None and part.frame_count > 1:
-            self._add_skinned(part, part.skin)
+        if part.frame_count > 1 and (skin := part.read_skin()) is not None:
+            self._add_skinned(part, skin)
             return
         split = _split(part)
         source = split[0]

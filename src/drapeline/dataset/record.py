@@ -20,7 +20,7 @@ META = {
     "conventions?": {"rest_obj_is_turned_by_zrot?": bool},
     "body?": {"gender?": str, "fingerprint?": str, "vertices?": int},
     "motion?": {"frames?": int, **dict.fromkeys(("sequence?", "action?", "source?"), str)},
-    "outfit?": {"garments?": [{"name": str, "fabric?": str}]},
+    "outfit?": {"garments?": [{"name": str, "fabric?": str, "texture?": {"data?": 3 * [float]}}]},
     "garments?": dict,
     "health?": dict,
     "simulation?": {"solver?": {"name?": str}},

@@ -1,10 +1,10 @@
 """The meshes of a sample, body and garments, moving in the world frame."""
 
+from collections.abc import Sequence
 from functools import partial
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix
 from drapeline.bodies.model import shape_body
-from drapeline.dataset.pictures import mean_colour
 from drapeline.dataset.reader import Sample, rotation_z
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart, Skin
 from drapeline.errors import InputError
@@ -15,14 +15,18 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
     """The body of a sample, if it has one, and its garments."""
     parts = []
     if sample.has_body:
-        read = sample.body_vertices
-        skin = _skin(sample)
-        parts.append(ScenePart(BODY, sample.body_mesh(), BODY_COLOUR, read, len(sample), skin))
+        parts.append(
+            ScenePart(
+                BODY,
+                sample.body_mesh(),
+                BODY_COLOUR,
+                sample.body_vertices,
+                len(sample),
+                partial(_skin, sample),
+            )
+        )
     for name in sample.garments:
-        told = sample.info.outfit.get(name, {}).get("texture", {})
-        texture = sample.texture(name)
-        colour = told.get("data", PLAIN_COLOUR if texture is None else mean_colour(texture))
-        red, green, blue = map(float, colour)
+        red, green, blue = map(float, _colour(sample, name))
         parts.append(
             ScenePart(
                 name,
@@ -30,10 +34,21 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
                 (red, green, blue),
                 partial(sample.vertices, name),
                 len(sample),
-                texture=texture,
+                texture=sample.texture(name),
             )
         )
     return parts
+
+
+def _colour(sample: Sample, garment: str) -> Sequence[float]:
+    """Of a garment, or of most of it where it is printed; a plain one where nothing is told."""
+    told = [sample.info.outfit.get(garment, {})]
+    if sample.meta is not None:
+        told += [
+            g for g in sample.meta.get("outfit", {}).get("garments", []) if g["name"] == garment
+        ]
+    colours = (one.get("texture", {}).get("data") for one in told)
+    return next((colour for colour in colours if colour is not None), PLAIN_COLOUR)
 
 
 def _skin(sample: Sample) -> Skin | None:

@@ -36,7 +36,8 @@ class ScenePart:
     # (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
     read: Callable[[int, int], np.ndarray]
     frame_count: int
-    skin: Skin | None = None
+    # How bones move it, where that is known; None otherwise.
+    read_skin: Callable[[], Skin | None] = lambda: None
     texture: Path | None = None  # picture on the mesh's texture coordinates, in place of the colour
 
     @property

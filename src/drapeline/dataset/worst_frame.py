@@ -11,7 +11,7 @@ from drapeline.geometry.crossings import Crossings
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSheet, MovingSurface
 from drapeline.geometry.point_cache import PointCache
-from drapeline.outfits.openings import limb_bones, limb_openings, passing_limbs
+from drapeline.outfits.openings import WornOpenings
 from drapeline.outfits.outfit import Garment
 from drapeline.storage import load_npz, save_npz
 
@@ -73,6 +73,7 @@ def write_worst_frame(
     root_rotation: np.ndarray,
     body: np.ndarray,
     joints: np.ndarray,
+    rest_joints: np.ndarray,
     body_faces: np.ndarray,
     garments: Sequence[Garment],
 ) -> None:
@@ -85,13 +86,14 @@ def write_worst_frame(
         reason: why the sample was not accepted.
         root_rotation: (3,) axis-angle, rad.
         body, joints: (B, 3), (24, 3) in that frame, root-relative metres.
+        rest_joints: (24, 3) of the body at rest.
         garments: from inner to outer.
     """
     cloths = []
     for garment in garments:
         with PointCache(simulation / f"{garment.name}.f32", len(garment.vertices)) as cache:
             cloths.append(cache.frames(frame, frame + 1)[0])
-    wrong = _wrong(reason, cloths, garments, body, joints, body_faces)
+    wrong = _wrong(reason, cloths, garments, body, (rest_joints, joints), body_faces)
     arrays = {
         "frame": frame,
         "root_rotation": root_rotation,
@@ -142,7 +144,7 @@ def _wrong(
     cloths: Sequence[np.ndarray],
     garments: Sequence[Garment],
     body: np.ndarray,
-    joints: np.ndarray,
+    joints: tuple[np.ndarray, np.ndarray],
     body_faces: np.ndarray,
 ) -> list[np.ndarray]:
     """Which vertices of each garment the reason is about."""
@@ -158,7 +160,7 @@ def _wrong(
         return [_beneath(number, cloths, garments) for number in range(len(cloths))]
     if reason.startswith("lost_openings"):
         return [
-            _at_empty_openings(g, cloth, joints) for g, cloth in zip(garments, cloths, strict=True)
+            _at_lost_openings(g, cloth, *joints) for g, cloth in zip(garments, cloths, strict=True)
         ]
     if reason.startswith(("inside", "depth")):
         surface = MovingSurface(body, body_faces)
@@ -179,12 +181,13 @@ def _strained(garment: Garment, cloth: np.ndarray) -> np.ndarray:
     return marked
 
 
-def _at_empty_openings(garment: Garment, cloth: np.ndarray, joints: np.ndarray) -> np.ndarray:
+def _at_lost_openings(
+    garment: Garment, cloth: np.ndarray, rest_joints: np.ndarray, joints: np.ndarray
+) -> np.ndarray:
     marked = np.zeros(len(cloth), dtype=bool)
-    bones = limb_bones(joints)
-    for loop in limb_openings(garment.vertices, garment.faces):
-        if not passing_limbs(bones, cloth[loop]):
-            marked[loop] = True
+    worn = WornOpenings.at_rest(garment.vertices, garment.faces, rest_joints)
+    for loop in worn.lost(cloth, joints):
+        marked[loop] = True
     return marked
 
 

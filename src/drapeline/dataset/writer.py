@@ -154,9 +154,9 @@ def _write_worst(
     (skin,) = body_sequence_vertices(body, record, frames=slice(frame, frame + 1))
     garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
     pose = record.poses[frame]
-    joints = posed_vertices(body, record.shape, pose[None])[1][0]
+    _, (rest_joints, joints) = posed_vertices(body, record.shape, np.stack([REST_POSE, pose]))
     write_worst_frame(
-        folder, simulation, frame, reason, pose[:3], skin, joints, body.faces, garments
+        folder, simulation, frame, reason, pose[:3], skin, joints, rest_joints, body.faces, garments
     )
 
 

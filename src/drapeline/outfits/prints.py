@@ -129,17 +129,22 @@ def draw_print(about: Mapping[str, Any], side_m: float, size: int = TEXTURE_PX) 
     """
     colours = np.array(about["colours"], dtype=np.float64)
     drawn = _KINDS[about["kind"]](colours, about["size_m"], rng_for(about["seed"], "picture"))
-    width, height = (max(1, round(length * size / side_m)) for length in drawn.repeat_m)
+    wide, high = (max(1, round(length * size / side_m)) for length in drawn.repeat_m)
+    width, height = min(wide, size), min(high, size)
     # Edges are smooth by pixels that are thinner, and brought together again.
-    x = (np.arange(_FINE * width) + 0.5) / (_FINE * width) * drawn.repeat_m[0]
-    y = (np.arange(_FINE * height) + 0.5) / (_FINE * height) * drawn.repeat_m[1]
-    pixels = drawn.palette[drawn.number_at(x[None], y[::-1, None])]
-    tile = pixels.reshape(height, _FINE, width, _FINE, 3).mean(axis=(1, 3))
-    tile = np.round(255 * np.clip(tile, 0, 1)).astype(np.uint8)
+    x = (np.arange(_FINE * width) + 0.5) / (_FINE * wide) * drawn.repeat_m[0]
+    y = (np.arange(_FINE * height) + 0.5)[::-1] / (_FINE * high) * drawn.repeat_m[1]
+    palette = np.clip(drawn.palette, 0, 1).astype(np.float32)
+    tile = np.empty((height, width, 3), np.uint8)
+    for first in range(0, height, _ROWS):
+        part = y[_FINE * first : _FINE * (first + _ROWS), None]
+        pixels = palette[drawn.number_at(x[None], part)]
+        pixels = pixels.reshape(-1, _FINE, width, _FINE, 3).mean(axis=(1, 3))
+        tile[first : first + _ROWS] = np.round(255 * pixels)
     return np.tile(tile, (-(-size // height), -(-size // width), 1))[-size:, :size]
 
 
-_FINE = 3
+_FINE, _ROWS = 3, 64  # of pixels; rows that are drawn at once
 
 
 class _Drawn(NamedTuple):

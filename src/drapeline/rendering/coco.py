@@ -20,14 +20,22 @@ _UNLABELLED, _HIDDEN, _VISIBLE = 0, 1, 2
 class CocoDocument:
     """The JSON of pictures of one dressed person, picture after picture."""
 
-    def __init__(self, garments: Sequence[str]) -> None:
-        """Begin without pictures; `garments` are the names of segments 2, 3, ..."""
+    def __init__(self, sample: str, garments: Sequence[str], kinds: Sequence[str]) -> None:
+        """Begin without pictures.
+
+        Args:
+            sample: said with each picture.
+            garments: names of segments 2, 3, ...
+            kinds: all garments that there are: categories 2, 3, ... in every document.
+        """
+        self._sample = sample
+        self._segments = {_PERSON + 1 + kinds.index(name): n for n, name in enumerate(garments, 2)}
         self._images: list[dict[str, Any]] = []
         self._annotations: list[dict[str, Any]] = []
         skeleton = [[int(parent) + 1, j + 1] for j, parent in enumerate(PARENTS) if parent >= 0]
         person = {"name": "person", "keypoints": list(JOINT_NAMES), "skeleton": skeleton}
         self._categories = [{"id": _PERSON, **person, "supercategory": "person"}]
-        for number, name in enumerate(garments, _PERSON + 1):
+        for number, name in enumerate(kinds, _PERSON + 1):
             self._categories.append({"id": number, "name": name, "supercategory": "clothing"})
 
     def add(
@@ -50,7 +58,10 @@ class CocoDocument:
         height, width = segments.shape
         number = len(self._images) + 1
         self._images.append(
-            {"id": number, "file_name": file_name, "width": width, "height": height}
+            {
+                **{"id": number, "file_name": file_name, "sample": self._sample},
+                **{"width": width, "height": height},
+            }
         )
         points = _keypoints(joints, camera, segments > 0, depth)
         about = {
@@ -60,7 +71,7 @@ class CocoDocument:
         }
         for category in self._categories:
             person = category["id"] == _PERSON
-            mask = segments > 0 if person else segments == category["id"]
+            mask = segments > 0 if person else segments == self._segments.get(category["id"], -1)
             if mask.any():
                 self._annotations.append(
                     {

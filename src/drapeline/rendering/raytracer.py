@@ -300,14 +300,17 @@ def _cloth(surfaces: _Surfaces, spot: _Spot) -> wp.vec3:
     height = picture[2]
     x = wp.clamp(place[0] - 0.5, 0.0, float(width - 1))
     y = wp.clamp(place[1] - 0.5, 0.0, float(height - 1))
-    column = wp.min(int(x), width - 2)
-    row = wp.min(int(y), height - 2)
-    first = picture[0] + row * width + column
-    upper = wp.lerp(surfaces.pixels[first], surfaces.pixels[first + 1], x - float(column))
-    lower = wp.lerp(
-        surfaces.pixels[first + width], surfaces.pixels[first + width + 1], x - float(column)
+    column = int(x)
+    row = int(y)
+    right = wp.min(column + 1, width - 1)
+    upper = picture[0] + row * width
+    lower = picture[0] + wp.min(row + 1, height - 1) * width
+    aside = x - float(column)
+    return wp.lerp(
+        wp.lerp(surfaces.pixels[upper + column], surfaces.pixels[upper + right], aside),
+        wp.lerp(surfaces.pixels[lower + column], surfaces.pixels[lower + right], aside),
+        y - float(row),
     )
-    return wp.lerp(upper, lower, y - float(row))
 
 
 @wp.func

@@ -276,18 +276,17 @@ def inevitable_violations(
 ) -> list[str]:
     """Violations after so many frames even if all that are to come are without fault."""
     missing = ((0, frames - len(arrays["slip_m"])), (0, 0))
-    best = {
-        name: np.pad(arrays[name], missing)
-        for name in ("inside_open_share", "depth_open_m", "slip_m", "layer_share", "lost_openings")
-    }
+    names = ("inside_open_share", "depth_open_m", "slip_m", "layer_share", "lost_openings")
+    best = {name: np.pad(arrays[name], missing) for name in names if name in arrays}
     measures = {
         "inside_open_mean": float(best["inside_open_share"].mean(axis=0).max()),
         "inside_open_max": float(best["inside_open_share"].max()),
         "depth_m": float(np.percentile(best["depth_open_m"], 95, axis=0).max()),
         "slip_m": float(best["slip_m"].max()),
         "layer_share_mean": float(best["layer_share"].mean(axis=0).max()),
-        "lost_openings": float(best["lost_openings"].mean(axis=0).max()),
     }
+    if "lost_openings" in best:
+        measures["lost_openings"] = float(best["lost_openings"].mean(axis=0).max())
     return violations(measures, bounds)
 
 

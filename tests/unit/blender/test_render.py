@@ -131,8 +131,11 @@ def test_keypoints_are_the_joints_and_boxes_hold_the_segments(rendered, toy_body
     names = {one["id"]: one["name"] for one in coco["categories"]}
     assert [names[one["category_id"]] for one in garments] == ["Tshirt", "Skirt"]
     segments = arrays(images, "2")["segments"]
+    about = json.loads((images / "camera.json").read_text())
+    number_of = {name: int(number) for number, name in about["segments"].items()}
     for one in (person, *garments):
-        mask = segments > 0 if one is person else segments == one["category_id"]
+        name = names[one["category_id"]]
+        mask = segments > 0 if one is person else segments == number_of[name]
         x, y, width, height = one["bbox"]
         assert mask.sum() == mask[y : y + height, x : x + width].sum() == one["area"]
         assert mask[y].any()

@@ -28,7 +28,9 @@ def read_glb(path):
     document = json.loads(data[20 : 20 + size])
     binary_size, kind = struct.unpack_from("<I4s", data, 20 + size)
     assert (kind, 28 + size + binary_size) == (b"BIN\0", length)
-    assert document["buffers"] == [{"byteLength": binary_size}]
+    assert binary_size % 4 == 0
+    [buffer] = document["buffers"]
+    assert 0 <= binary_size - buffer["byteLength"] < 4
     return document, data[28 + size :]
 
 

@@ -7,7 +7,7 @@ import trimesh
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.record import EXTRAS
 from drapeline.dataset.worst_frame import find_worst_frame, read_worst_frame, write_worst_frame
-from drapeline.frames import REST_POSE
+from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.outfit import Garment
 from toys.bodies import toy_body
@@ -37,8 +37,8 @@ def test_a_frame_is_the_worst_by_what_the_reason_begins_with(reason, frame):
     assert find_worst_frame(health, reason) == frame
 
 
-# A person beside the ball.
-JOINTS = posed_vertices(toy_body(), np.zeros(10), REST_POSE[None])[1][0] + [2.0, 0, 0]
+REST = posed_vertices(toy_body(), np.zeros(10), REST_POSE[None])[1][0]
+JOINTS = REST + [2.0, 0, 0]  # of a person beside the ball
 
 
 def flat(height):
@@ -56,7 +56,7 @@ def marked(tmp_path, garment, frames, reason):
     body = ball.vertices.astype(np.float32)
     faces = ball.faces.astype(np.int32)
     turn = np.array([0.1, 0.2, 0.3])
-    write_worst_frame(tmp_path, tmp_path, 1, reason, turn, body, JOINTS, faces, [garment])
+    write_worst_frame(tmp_path, tmp_path, 1, reason, turn, body, JOINTS, REST, faces, [garment])
     worst = read_worst_frame(tmp_path)
     assert worst.frame == 1
     np.testing.assert_array_equal(worst.root_rotation, turn)
@@ -90,8 +90,9 @@ def test_edges_through_the_garment_are_marked(tmp_path):
     assert not wrong[24]
 
 
-def test_rims_of_openings_that_no_limb_passes_are_marked(tmp_path):
-    garment = flat(0.5)
+def test_rims_of_openings_that_lost_their_limb_are_marked(tmp_path):
+    """A sheet around the neck, with the person beside it since."""
+    garment = flat(float(REST[JOINT_NAMES.index("neck"), 2]) + 0.03)
     frames = [garment.vertices, garment.vertices]
     reason = "lost_openings 1, expected at most 0.1"
     wrong = marked(tmp_path, garment, frames, reason).reshape(5, 5)

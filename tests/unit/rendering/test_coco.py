@@ -30,7 +30,7 @@ def test_keypoints_are_hidden_behind_limbs_and_left_out_beyond_the_picture():
     joints[0] = [0.9, -0.5, 1]  # a little behind the wall
     joints[1] = [0.5, -0.5, 1]  # far behind it
     joints[2] = [0.9, 0.5, 1]  # beside it
-    document = CocoDocument(["Skirt"])
+    document = CocoDocument("00001", ["Skirt"], ["Skirt", "Top"])
     document.add("a.png", segments, depth, camera, joints)
     [person] = document.finish()["annotations"]
     points = np.array(person["keypoints"]).reshape(24, 3)
@@ -43,9 +43,9 @@ def test_keypoints_are_hidden_behind_limbs_and_left_out_beyond_the_picture():
 
 def test_what_is_not_seen_has_no_annotation():
     camera = look_at(np.array([2.0, 0, 1]), np.array([0.0, 0, 1]), focal_px=20, size=(40, 20))
-    document = CocoDocument(["Skirt"])
+    document = CocoDocument("00001", ["Skirt"], ["Skirt", "Top"])
     nothing = np.zeros((20, 40))
     document.add("a.png", nothing.astype(np.uint8), nothing, camera, np.zeros((24, 3)))
     found = document.finish()
     assert found["annotations"] == []
-    assert [one["name"] for one in found["categories"]] == ["person", "Skirt"]
+    assert [one["name"] for one in found["categories"]] == ["person", "Skirt", "Top"]

@@ -5,6 +5,7 @@ import io
 import json
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from drapeline.dataset.pictures import read_picture
+from drapeline.dataset.pictures import halved_picture
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import SPLITS, read_meta
 from drapeline.dataset.sample_meshes import scene_parts
@@ -29,7 +30,7 @@ REPORT_BYTES_MAX = 1_450_000
 STEPS_M = (0.0002, 0.0005, 0.001)  # what vertices are rounded to
 _LEVELS = 2**16 - 1
 _PAGE_BYTES = 25_000  # without its meshes
-_PRINT_REDUCED, _PRINT_COLOURS = 2, 24
+_PRINT_COLOURS = 24
 
 
 def example_sample(dataset: str | Path) -> Path | None:
@@ -127,9 +128,10 @@ def encode_parts(
     return header, zlib.compress(b"".join(blocks), 9)
 
 
+@lru_cache(maxsize=4)
 def _small_picture(path: Path) -> str:
     """A data URL of a picture with few pixels and colours."""
-    picture = Image.fromarray(read_picture(path)).reduce(_PRINT_REDUCED).quantize(_PRINT_COLOURS)
+    picture = Image.fromarray(halved_picture(path)).quantize(_PRINT_COLOURS)
     stream = io.BytesIO()
     picture.save(stream, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
