@@ -44,9 +44,8 @@ def _colour(sample: Sample, garment: str) -> Sequence[float]:
     """Of a garment, or of most of it where it is printed; a plain one where nothing is told."""
     told = [sample.info.outfit.get(garment, {})]
     if sample.meta is not None:
-        told += [
-            g for g in sample.meta.get("outfit", {}).get("garments", []) if g["name"] == garment
-        ]
+        garments = sample.meta.get("outfit", {}).get("garments", [])
+        told += [one for one in garments if one["name"] == garment]
     colours = (one.get("texture", {}).get("data") for one in told)
     return next((colour for colour in colours if colour is not None), PLAIN_COLOUR)
 

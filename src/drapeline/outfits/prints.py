@@ -135,7 +135,7 @@ def draw_print(about: Mapping[str, Any], side_m: float, size: int = TEXTURE_PX) 
     x = (np.arange(_FINE * width) + 0.5) / (_FINE * wide) * drawn.repeat_m[0]
     y = (np.arange(_FINE * height) + 0.5)[::-1] / (_FINE * high) * drawn.repeat_m[1]
     palette = np.clip(drawn.palette, 0, 1).astype(np.float32)
-    tile = np.empty((height, width, 3), np.uint8)
+    tile = np.zeros((height, width, 3), np.uint8)
     for first in range(0, height, _ROWS):
         part = y[_FINE * first : _FINE * (first + _ROWS), None]
         pixels = palette[drawn.number_at(x[None], part)]

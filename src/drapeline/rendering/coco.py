@@ -34,7 +34,9 @@ class CocoDocument:
         self._annotations: list[dict[str, Any]] = []
         skeleton = [[int(parent) + 1, j + 1] for j, parent in enumerate(PARENTS) if parent >= 0]
         person = {"name": "person", "keypoints": list(JOINT_NAMES), "skeleton": skeleton}
-        self._categories = [{"id": _PERSON, **person, "supercategory": "person"}]
+        self._categories: list[dict[str, Any]] = [
+            {"id": _PERSON, **person, "supercategory": "person"}
+        ]
         for number, name in enumerate(kinds, _PERSON + 1):
             self._categories.append({"id": number, "name": name, "supercategory": "clothing"})
 
