@@ -50,9 +50,15 @@ TRAINED = {
         if task.run == "drapeline.models.garment4d.train:train_posed"
     },
 }
+# What reads whole samples, whose bodies may be ours.
+READERS = {
+    *("export_sample", "plot_group", "render_gallery", "render_modalities", "render_people"),
+    *("sample_clouds", "scan_samples", "view_example", "view_sample", "smplicit/evaluated/images"),
+    *(f"{name}/evaluated/scans" for name in ("gcvae", "garment4d", "smplicit")),
+}
 # Function, method or constant -> the scripts and tasks that run it.
 CASES = {
-    "drapeline.bodies.model:free_body": {"copy_body"},
+    "drapeline.bodies.model:free_body": READERS | {"copy_body"},
     "drapeline.motions.retarget:retarget": {"import_motion"},
     "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | SIMULATED | {"make_outfits"},
     "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG | SIMULATED,
