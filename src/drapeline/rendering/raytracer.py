@@ -509,10 +509,10 @@ def raytrace(
     surfaces.normals = _array(normals, wp.vec3)
     surfaces.colours = _array(np.repeat(linear, counts, axis=0), wp.vec3)
     surfaces.gloss = _array(np.repeat([p.gloss for p in parts], counts), float)
-    _lay_pictures(surfaces, parts, counts, camera)
     rays = _RAY_SHARE.get() * samples
     block = max(1, round(rays**-0.5))
     size, camera = (camera.height, camera.width), camera.reduced(block)
+    _lay_pictures(surfaces, parts, counts, camera)
     view = _view(camera, vertices, (*floor_centre, floor_reach_m), rays)
     count = camera.width * camera.height
     pixels = _Pixels()
