@@ -1,6 +1,7 @@
 """Images of a sample as in CLOTH3D's figure 14: colour, depth, normals, velocities, segments."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -15,7 +16,7 @@ from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.rendering.camera import Camera, look_at
+from drapeline.rendering.camera import Camera, frame_points, look_at
 from drapeline.rendering.coco import CocoDocument
 from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
@@ -25,6 +26,7 @@ from drapeline.storage import atomic_folder, save_npz, write_json
 FOCAL_PX, SIZE = 640 * 50 / 36, (640, 480)
 _SENSOR_MM = 36.0
 _SAMPLES = 16
+_MARGIN = 0.06  # of a picture, around the person
 _FASTEST_M_S = 3.0  # white in the picture of velocities
 _DEEPEST_M = 65.535  # in a 16-bit PNG of millimetres
 _SEGMENT_COLOURS = ((255, 255, 255), (214, 170, 140), (0, 114, 178), (213, 94, 0), (0, 158, 115))
@@ -49,8 +51,9 @@ def render_modalities(
     `{f}_camera{k}`. `camera.json` holds intrinsics, world-to-camera matrices (OpenCV axes) and what
     the segments mean; `coco.json` boxes, masks and the joints in 2-D and 3-D.
 
-    The camera is CLOTH3D's, at `camLoc` looking along -X, and follows the root joint over the
-    floor so that no one walks out of the picture; further ones stand around the person.
+    The camera stands where CLOTH3D's does, at `camLoc` looking along -X, and follows the root joint
+    over the floor; further ones stand around the person. All have one lens, which is zoomed until
+    the person fills the pictures.
 
     Args:
         folder: an accepted sample.
@@ -74,8 +77,14 @@ def render_modalities(
         coco = CocoDocument(sample.id, [part.name for part in parts[1:]], GARMENTS)
         extrinsics = {}
         views = [(frame, number) for frame in frames for number in range(cameras)]
-        for frame, number in progress(views, label="modalities"):
-            camera = _camera(sample, frame, number / cameras)
+        seen_by = [_camera(sample, frame, number / cameras) for frame, number in views]
+        held = [
+            np.concatenate([part.read(frame, frame + 1)[0] for part in parts]) for frame, _ in views
+        ]
+        seen_by = frame_points(seen_by, held, _MARGIN)
+        for (frame, number), camera in progress(
+            list(zip(views, seen_by, strict=True)), label="modalities"
+        ):
             name = f"{frame}_camera{number}" if number else str(frame)
             extrinsics[name] = {"world_to_camera": camera.world_to_camera.tolist()}
             seen = cast_rays([_moving_mesh(part, frame) for part in parts], camera)
@@ -86,7 +95,9 @@ def render_modalities(
                 "segments": seen.segments,
             }
             if frame + 1 < len(sample):
-                arrays["flow"] = _flow(seen, camera, _camera(sample, frame + 1, number / cameras))
+                after = _camera(sample, frame + 1, number / cameras)
+                after = replace(after, intrinsics=camera.intrinsics)
+                arrays["flow"] = _flow(seen, camera, after)
             save_npz(scratch / f"{name}.npz", **arrays)
             colour = scratch / f"{name}_rgb.png"
             render_colour(colour, parts, frame, camera)
@@ -151,6 +162,9 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
     eye = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     eye.data.sensor_width = _SENSOR_MM
     eye.data.lens = camera.intrinsics[0, 0] * _SENSOR_MM / camera.width
+    # Blender counts from the middle, in widths, and to where the picture moves.
+    eye.data.shift_x = 0.5 - camera.intrinsics[0, 2] / camera.width
+    eye.data.shift_y = (camera.intrinsics[1, 2] - camera.height / 2) / camera.width
     eye.matrix_world = Matrix(np.linalg.inv(camera.world_to_camera) @ _TO_BLENDER)
     scene.collection.objects.link(eye)
     scene.camera = eye
