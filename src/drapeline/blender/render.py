@@ -22,8 +22,8 @@ from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, save_npz, write_json
 
-# CLOTH3D's camera: a 50 mm lens before a 36 mm sensor, 640x480.
-FOCAL_PX, SIZE = 640 * 50 / 36, (640, 480)
+# CLOTH3D's camera: a 50 mm lens before a 36 mm sensor, 640x480. Here it is zoomed from there.
+_FOCAL_PX, _SIZE = 640 * 50 / 36, (640, 480)
 _SENSOR_MM = 36.0
 _SAMPLES = 16
 _MARGIN = 0.06  # of a picture, around the person
@@ -78,10 +78,8 @@ def render_modalities(
         extrinsics = {}
         views = [(frame, number) for frame in frames for number in range(cameras)]
         seen_by = [_camera(sample, frame, number / cameras) for frame, number in views]
-        held = [
-            np.concatenate([part.read(frame, frame + 1)[0] for part in parts]) for frame, _ in views
-        ]
-        seen_by = frame_points(seen_by, held, _MARGIN)
+        held = {f: np.concatenate([part.read(f, f + 1)[0] for part in parts]) for f in frames}
+        seen_by = frame_points(seen_by, [held[frame] for frame, _ in views], _MARGIN)
         for (frame, number), camera in progress(
             list(zip(views, seen_by, strict=True)), label="modalities"
         ):
@@ -108,8 +106,8 @@ def render_modalities(
             scratch / "camera.json",
             {
                 "intrinsics": camera.intrinsics.tolist(),
-                "width": SIZE[0],
-                "height": SIZE[1],
+                "width": _SIZE[0],
+                "height": _SIZE[1],
                 "frames": extrinsics,
                 "segments": {"0": "background"}
                 | {str(k + 1): part.name for k, part in enumerate(parts)},
@@ -125,13 +123,13 @@ def _camera(sample: Sample, frame: int, turn: float) -> Camera:
     [root] = sample.root_positions(frame, frame + 1)
     target = np.array([root[0], root[1], height])
     away = x * np.array([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn), 0])
-    return look_at(target + away, target, focal_px=FOCAL_PX, size=SIZE)
+    return look_at(target + away, target, focal_px=_FOCAL_PX, size=_SIZE)
 
 
 def _flow(seen: Seen, camera: Camera, after: Camera) -> np.ndarray:
     """(H, W, 2) float32 pixels that each surface point moves by until the next frame."""
     hit = seen.segments > 0
-    now = camera.unproject(seen.depth)[hit]
+    now = camera.position + seen.depth[hit, None] * camera.rays()[hit]
     (here, _), (there, _) = camera.project(now), after.project(now + seen.carried[hit, 3:])
     flow = np.zeros((*hit.shape, 2), dtype=np.float32)
     flow[hit] = there - here

@@ -317,7 +317,8 @@ class Renders(Settings):
         ge=1,
         le=36,
         description=(
-            "Cameras that take these, at equal angles around the person; the first is CLOTH3D's."
+            "Cameras that take these, at equal angles around the person; the first stands where "
+            "CLOTH3D's does."
         ),
     )
     rays: float = Field(

@@ -37,16 +37,15 @@ class Camera:
         width, height = (-(-side // factor) for side in (self.width, self.height))
         return replace(self, intrinsics=scale @ self.intrinsics, width=width, height=height)
 
-    def unproject(self, depth: np.ndarray) -> np.ndarray:
-        """World points (H, W, 3) float64 in metres at the centres of pixels.
+    def rays(self) -> np.ndarray:
+        """(H, W, 3) world, from the centre of projection through the centre of each pixel.
 
-        Args:
-            depth: (H, W) metres along the optical axis.
+        They are as long as to have length one along the optical axis, so that a point at some depth
+        is that many rays away.
         """
         column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         pixels = np.stack([column, row, np.ones_like(column)], axis=-1)
-        seen = pixels @ np.linalg.inv(self.intrinsics).T * depth[..., None]
-        return (seen - self.world_to_camera[:3, 3]) @ self.axes
+        return pixels @ np.linalg.inv(self.intrinsics).T @ self.axes
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project world points (..., 3) onto the picture.

@@ -55,10 +55,7 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     starts = np.cumsum([0, *(len(m[0]) for m in meshes)])
     corners = np.concatenate([t + s for t, s in zip(triangles, starts[:-1], strict=True)])
     owner = np.repeat(np.arange(1, len(meshes) + 1), [len(t) for t in triangles])
-    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    pixels = np.stack([column, row, np.ones_like(column)], -1).reshape(-1, 3)
-    # Rays of length one along the optical axis: the distance along a ray is the depth.
-    rays = pixels @ np.linalg.inv(camera.intrinsics).T @ camera.axes
+    rays = camera.rays().reshape(-1, 3)
     device = "cpu"
     mesh = warp_mesh(vertices, corners)
     depth = wp.zeros(len(rays), dtype=float, device=device)

@@ -80,5 +80,24 @@ def test_colours_are_linear_on_the_mesh_and_in_its_material(stage, parts):
         np.testing.assert_allclose(diffuse, part.linear_colour, atol=1e-6)
 
 
+def test_a_print_lies_beside_the_file_and_in_the_material(tmp_path, toy_body):
+    told = {"kind": "breton", "size_m": 0.1, "colours": [[0.8, 0, 0], [1, 1, 1]], "seed": 1}
+    folder = write_tiny_sample(tmp_path, toy_body, prints={"Skirt": told}).folder
+    (tmp_path / "out").mkdir()
+    with Sample(folder) as sample:
+        write_usd(tmp_path / "out/a.usdc", scene_parts(sample))
+    copy = tmp_path / "out/a_Skirt.png"
+    assert {path.name for path in copy.parent.iterdir()} == {"a.usdc", "a_Skirt.png"}
+    assert copy.read_bytes() == (folder / "Skirt.png").read_bytes()
+    stage = Usd.Stage.Open(str(tmp_path / "out/a.usdc"))
+    material, _ = UsdShade.MaterialBindingAPI(
+        stage.GetPrimAtPath("/sample/Skirt")
+    ).ComputeBoundMaterial()
+    shader, *_ = material.ComputeSurfaceSource()
+    [source], _ = shader.GetInput("diffuseColor").GetConnectedSources()
+    texture = UsdShade.Shader(source.source.GetPrim())
+    assert texture.GetInput("file").Get().resolvedPath == str(copy)
+
+
 def test_packages_that_blender_brings_along_stay_off_the_path():
     assert usd._BUNDLED not in sys.path

@@ -65,13 +65,14 @@ def test_stripes_of_ten_centimetres_are_ten_on_a_metre():
 
 
 def test_a_gingham_is_half_mixed_and_a_quarter_each():
-    picture = draw_print(about("gingham", size_m=0.05), 1.0, 200)
+    told = about("gingham", size_m=0.05) | {"colours": [[0.8, 0, 0], [0.4, 0.4, 0.8]]}
+    picture = draw_print(told, 1.0, 200)
     colours, counts = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
     shares = dict(zip(map(tuple, colours.tolist()), (counts / counts.sum()).tolist(), strict=True))
     assert shares == {
         (204, 0, 0): pytest.approx(0.25),
-        (230, 128, 128): pytest.approx(0.5),
-        (255, 255, 255): pytest.approx(0.25),
+        (153, 51, 102): pytest.approx(0.5),
+        (102, 102, 204): pytest.approx(0.25),
     }
 
 

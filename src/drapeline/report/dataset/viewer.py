@@ -4,11 +4,11 @@ import base64
 import io
 import json
 import zlib
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -63,11 +63,13 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
     with Sample(folder) as sample:
         parts = scene_parts(sample)
+        prints = {part.name: _data_url(part.texture) for part in parts if part.texture is not None}
+        left = bytes_max - _PAGE_BYTES - sum(map(len, prints.values()))
         strides = range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1)
         for stride, step in product(strides, STEPS_M):
-            header, blob = encode_parts(parts, range(0, len(sample), stride), step)
-            pictures = sum(len(part.get("print", "")) for part in header["parts"])
-            if 4 / 3 * len(blob) + pictures < bytes_max - _PAGE_BYTES:
+            frames = range(0, len(sample), stride)
+            header, blob = encode_parts(parts, frames, step, prints)
+            if 4 / 3 * len(blob) < left:
                 break
         header |= {
             "title": f"Sample {sample.id}",
@@ -79,7 +81,10 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
 
 
 def encode_parts(
-    parts: Sequence[ScenePart], frames: Sequence[int], step_m: float = STEPS_M[0]
+    parts: Sequence[ScenePart],
+    frames: Sequence[int],
+    step_m: float = STEPS_M[0],
+    prints: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[dict[str, Any], bytes]:
     """Encode meshes and chosen frames as a header and one compressed block.
 
@@ -89,6 +94,7 @@ def encode_parts(
 
     Args:
         frames: which frames to keep, in order.
+        prints: data URLs of the pictures on parts, by their names.
         step_m: metres to which vertices are rounded; more for meshes of more than 65,535 steps.
 
     Returns:
@@ -103,19 +109,19 @@ def encode_parts(
     blocks = []
     about = []
     for part, points in zip(parts, moving, strict=True):
-        source, uv, triangles = split_at_seams(part.mesh)
+        triangles = part.mesh.triangles
         one = {
             "name": part.name,
             "colour": [round(value, 4) for value in part.colour],
             "vertices": points.shape[1],
             "triangles": len(triangles),
         }
-        if part.texture is not None and uv is not None:
-            blocks += [triangles.astype("<u4").tobytes(), source.astype("<u4").tobytes()]
-            blocks.append(uv.astype("<f4").tobytes())
-            one |= {"corners": len(source), "print": _small_picture(part.texture)}
-        else:
-            blocks.append(part.mesh.triangles.astype("<u4").tobytes())
+        corners = []
+        if part.name in prints and part.mesh.uv is not None:
+            source, uv, triangles = split_at_seams(part.mesh)
+            corners = [source.astype("<u4").tobytes(), np.asarray(uv, "<f4").tobytes()]
+            one |= {"corners": len(source), "print": prints[part.name]}
+        blocks += [triangles.astype("<u4").tobytes(), *corners]
         steps = np.rint((points - origin) / step).astype(np.uint16)
         blocks.append(encode_frames(steps))
         about.append(one)
@@ -128,8 +134,7 @@ def encode_parts(
     return header, zlib.compress(b"".join(blocks), 9)
 
 
-@lru_cache(maxsize=4)
-def _small_picture(path: Path) -> str:
+def _data_url(path: Path) -> str:
     """A data URL of a picture with few pixels and colours."""
     picture = Image.fromarray(halved_picture(path)).quantize(_PRINT_COLOURS)
     stream = io.BytesIO()

@@ -1,16 +1,18 @@
 import base64
+import io
 import json
 import re
 import zlib
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.report.dataset import viewer
 from drapeline.report.dataset.viewer import (
     STEPS_M,
@@ -19,6 +21,7 @@ from drapeline.report.dataset.viewer import (
     example_sample,
     write_viewer,
 )
+from toys.tiny_sample import write_tiny_sample
 
 
 def parts_of(header, data):
@@ -29,6 +32,12 @@ def parts_of(header, data):
         size = 12 * part["triangles"]
         triangles = np.frombuffer(data[offset : offset + size], "<u4").reshape(-1, 3)
         offset += size
+        if "print" in part:
+            source = np.frombuffer(data, "<u4", part["corners"], offset)
+            uv = np.frombuffer(data, "<f4", 2 * part["corners"], offset + 4 * part["corners"])
+            offset += 12 * part["corners"]
+            part |= {"uv": uv.reshape(-1, 2)[triangles]}
+            triangles = source[triangles]
         frames, vertices = header["frames"], part["vertices"]
         count = frames * vertices * 3
         coded = data[offset : offset + 2 * count]
@@ -162,3 +171,22 @@ def test_what_a_label_says_leaves_the_script_element_closed(tmp_path):
     assert "<!--<script" not in text
     header = json.loads(re.search(r'id="header">(.*?)</script>', text, re.DOTALL).group(1))
     assert header["lines"] == ["<!--<script>"]
+
+
+def test_a_print_comes_with_the_corners_that_it_splits_vertices_into(tmp_path, toy_body):
+    told = {"kind": "breton", "size_m": 0.1, "colours": [[0.8, 0, 0], [1, 1, 1]], "seed": 1}
+    folder = write_tiny_sample(tmp_path, toy_body, prints={"Skirt": told}).folder
+    write_viewer(tmp_path / "x.html", folder)
+    _, header, data = read_page(tmp_path / "x.html")
+    shown = parts_of(header, data)
+    with Sample(folder) as sample:
+        mesh, points = sample.mesh("Skirt"), sample.vertices("Skirt")
+    [number] = [n for n, part in enumerate(header["parts"]) if "print" in part]
+    about, (vertices, triangles) = header["parts"][number], shown[number]
+    assert about["name"] == "Skirt"
+    np.testing.assert_array_equal(triangles, mesh.triangles)
+    np.testing.assert_allclose(vertices, points, atol=header["step_m"])
+    np.testing.assert_allclose(about["uv"], mesh.uv[triangulate(mesh.uv_faces)], atol=1e-6)
+    picture = base64.b64decode(about["print"].removeprefix("data:image/png;base64,"))
+    with Image.open(io.BytesIO(picture)) as image:
+        assert image.size == (1024, 1024)
