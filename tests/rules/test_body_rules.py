@@ -1,6 +1,7 @@
 """The rules that make bodies move."""
 
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,6 +71,13 @@ def test_import_motion_refuses_nan_in_one_sentence_and_writes_nothing(
             params={"motion": {"frames": None, "action": "", "subject": "", "sequence": ""}},
         )
     assert not output.exists()
+
+
+def test_plot_skeleton_draws_the_joints_of_a_clip(run_rule, tmp_path):
+    clip = Path(__file__).parents[2] / "examples/data/jump.bvh"
+    output = tmp_path / "jump.svg"
+    run_rule("plot_skeleton", input={"motion": clip}, output=[output])
+    assert "jump.bvh: 22 joints of 24, none for left_hand" in output.read_text()
 
 
 def animate(run_rule, toy_body, motion_file, tmp_path, seed=3, **changes):

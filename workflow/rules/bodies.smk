@@ -77,6 +77,27 @@ rule import_motion:
         "../../scripts/import_motion.py"
 
 
+rule plot_skeleton:
+    input:
+        unpack(skeleton_files),
+    output:
+        f"{RESULTS}/skeletons/{{sequence}}.svg",
+    log:
+        f"{LOGS}/plot_skeleton/{{sequence}}.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_skeleton/{{sequence}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("plot_skeleton"),
+    script:
+        "../../scripts/plot_skeleton.py"
+
+
 rule animate_bodies:
     input:
         **WHOLE_BODIES,

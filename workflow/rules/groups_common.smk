@@ -132,6 +132,13 @@ def motion_files(wildcards):
     return clip_entry(wildcards).files
 
 
+def skeleton_files(wildcards):
+    """Input function: the same of a clip at any length."""
+    return next(
+        clip.files for (name, _), clip in MOTIONS.items() if name == wildcards.sequence
+    )
+
+
 def motion_parameters(wildcards):
     """Params function: what else the importer is told: loop, feet, labels."""
     lock_feet = config["motions"]["lock_feet"]

@@ -169,6 +169,30 @@ def import_motion(
     )
 
 
+def read_take(
+    path: str | Path,
+    *,
+    joint_map: str | Path | None = None,
+    asf: str | Path | None = None,
+    amc_fps: float = CMU_FPS,
+) -> tuple[Take, JointMap]:
+    """Read a BVH, AMC or FBX file as it is, and the joints that are found in it.
+
+    Args:
+        path, joint_map, asf, amc_fps: as `import_motion` takes them.
+
+    Raises:
+        InputError: as `import_motion`, or the file has poses of SMPL and no skeleton of its own.
+    """
+    path = _check_suffix(path)
+    given = None if joint_map is None else load_joint_map(joint_map)
+    found = _FORMATS[path.suffix.lower()].read(path, given, asf, amc_fps)
+    if isinstance(found, Motion):
+        raise InputError(f"{path}: holds SMPL poses, expected a file with a skeleton of its own")
+    take, _ = found
+    return take, _map_for(take, given)
+
+
 def _map_for(take: Take, given: JointMap | None) -> JointMap:
     """The map that is given; its joints are a built-in map's if it names none."""
     if given is None:
