@@ -157,7 +157,7 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
     shape, count = np.zeros(10), len(toy_body.v_template)
     registered = torso_registration(toy_body, shape)
     none = np.zeros((0, 3), dtype=np.float32)
-    worn = Garment("Top", toy_body.v_template, toy_body.faces, none, none, none, none)
+    worn = Garment("Top", toy_body.v_template, toy_body.faces, *5 * [none])
     outfit = Outfit((worn,), shape, np.zeros(2), np.zeros(2), "female")
     save_static(tmp_path / "outfits_at_rest", [StaticOutfit("s00001", "test", outfit)])
     data = tmp_path / "static_data"

@@ -11,6 +11,7 @@ from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.generation.hung_outfits import Hanger
 from drapeline.learning_data.static import StaticData
+from drapeline.outfits.garment_types import FITS
 from drapeline.outfits.static import load_static
 from drapeline.outfits.templates import build_templates
 from drapeline.simulation.settings import SimulationSettings
@@ -53,7 +54,7 @@ PLANS = [
 ]
 
 
-def make(run_rule, stages, name="made", hanging=None, elastics=0.5):
+def make(run_rule, stages, name="made", hanging=None, elastics=0.5, fits=FITS):
     run_rule(
         "make_outfits",
         input={
@@ -71,6 +72,7 @@ def make(run_rule, stages, name="made", hanging=None, elastics=0.5):
                 "vertices_min": 0,
                 "tightness_range": [-0.5, 0.5],
                 "elastic_probability": elastics,
+                "fits": fits,
             },
             "own_garments": {gender: {} for gender in GENDERS},
             "hanging": hanging or {},
@@ -149,7 +151,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers):
 
 @pytest.mark.parametrize("chance", [0.0, 1.0])
 def test_ends_are_gathered_as_often_as_asked(run_rule, stages, chance):
-    outfits = make(run_rule, stages, f"elastic{chance}", elastics=chance)
+    outfits = make(run_rule, stages, f"elastic{chance}", elastics=chance, fits=("regular",))
     garments = [garment for one in outfits for garment in one.outfit.garments]
     gathered = [on for garment in garments for on in garment.attributes["elastic"].values()]
     assert gathered

@@ -2,11 +2,13 @@
 
 import csv
 
+import numpy as np
 import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
+from drapeline.simulation.settings import SimulationSettings
 from toys.gcvae_files import TypedGarments, save_model
 
 
@@ -33,6 +35,12 @@ def sampled(run_rule, tmp_path, toy_body):
                 "tightness_range": [-1.5, 0.5],
             },
             "settle": True,
+            "hang_frames": 2,
+            "solver": "drapeline.xpbd.solver",
+            "hanging": {
+                "edge_length_m": 0.04,
+                "simulation": SimulationSettings(steps_min=6, steps_max=6).plain(),
+            },
         },
     )
     return tmp_path / "samples", bodies
@@ -48,6 +56,16 @@ def test_samples_are_files_with_a_table(sampled):
         assert len(load_obj(folder / f"{row['name']}.obj").vertices) == int(row["vertices"])
         assert (folder / f"{row['name']}.glb").read_bytes()[:4] == b"glTF"
         assert 0 <= float(row["inside_1cm_share"]) <= float(row["inside_share"]) <= 1
+
+
+def test_a_sample_that_hangs_is_the_same_cloth_in_another_place(sampled):
+    folder, _ = sampled
+    found = list((folder / "hung").glob("*.obj"))
+    for path in found:
+        mesh = load_obj(path)
+        assert np.isfinite(mesh.vertices).all()
+        assert len(mesh.faces)
+    assert {path.stem for path in found} <= {path.stem for path in folder.glob("*.obj")}
 
 
 def test_samples_are_drawn(run_rule, sampled, tmp_path):

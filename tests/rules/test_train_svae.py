@@ -68,7 +68,7 @@ def test_a_model_is_used_without_the_data_of_its_training(
     if variant == "svae":
         model = load(train_static(run_rule, stages, tmp_path, variant))
     assert isinstance(model, StaticModel)
-    assert model.garments == GARMENTS
+    assert model.garments == GARMENTS[:6]  # there is no jacket among the toys
     shape, tightness = np.linspace(-1, 1, 10), (-0.5, 0.2)
     wearer = {"gender": "male", "shape": shape, "tightness": tightness}
     (first,) = model.sample(1, "Tshirt", **wearer, settle=False)

@@ -45,6 +45,7 @@ def skirt(rows: int = 8, around: int = 36) -> Garment:
         np.zeros((faces.size // 4, 4), np.int32),
         pin,
         np.zeros_like(pin),
+        np.zeros_like(pin),
         {"fabric": "cotton", "texture": {"type": "pattern"}},
     )
 

@@ -131,5 +131,6 @@ def _garment(mesh: Mesh) -> Garment:
         uv_faces=np.zeros((0, 4), np.int32),
         pin=np.zeros(0, np.float32),
         elastic=np.zeros(0, np.float32),
+        band=np.zeros(0, np.float32),
         attributes={},
     )

@@ -30,5 +30,6 @@ def _whole(garment: Garment) -> Garment:
         uv_faces=np.zeros_like(garment.faces),
         pin=ends,
         elastic=ends,
+        band=ends,
         attributes=attributes,
     )

@@ -44,6 +44,7 @@ def sheet(
         "edge_length_m": edge_m,
         "fabric": FABRICS["cotton"],
         "shrink": np.zeros(len(points)),
+        "stiffness": np.ones(len(points)),
         "pins": Held(np.zeros(len(points)) if pin is None else pin, points, path),
     }
     return ClothGarment(name, points, faces.reshape(-1, 4), **fields | changes)

@@ -52,6 +52,7 @@ def toy_outfits() -> list[StaticOutfit]:
             uv_faces=np.zeros((0, 4), np.int32),
             pin=np.zeros(0, np.float32),
             elastic=np.zeros(0, np.float32),
+            band=np.zeros(0, np.float32),
             attributes={},
         )
         shape = np.zeros(10)

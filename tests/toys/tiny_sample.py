@@ -125,6 +125,7 @@ def write_stages(
             mesh.uv_faces,
             pin=np.zeros(len(mesh.vertices), dtype=np.float32),
             elastic=np.zeros(len(mesh.vertices), dtype=np.float32),
+            band=np.zeros(len(mesh.vertices), dtype=np.float32),
             attributes={
                 "fabric": fabric,
                 "elastic": {},

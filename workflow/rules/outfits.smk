@@ -77,7 +77,7 @@ rule make_outfits:
         settings=group_settings(
             "outfits",
             *("edge_length_m", "vertices_min"),
-            *("tightness_range", "fabrics", "elastic_probability"),
+            *("tightness_range", "fits", "fabrics", "elastic_probability"),
         ),
         own_garments=group_own_garments,
         hanging=hanging,

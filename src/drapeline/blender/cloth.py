@@ -126,6 +126,12 @@ class BlenderCloth:
             setattr(settings, name, value)
         settings.quality = attempt.steps
         settings.bending_model = "ANGULAR"
+        most = float(garment.stiffness.max())
+        if most > 1:
+            settings.vertex_group_bending = _group(
+                thing, "band", (garment.stiffness - 1) / (most - 1)
+            )
+            settings.bending_stiffness_max = most * parameters.bending_stiffness
         if held:
             weights = np.zeros(len(garment.vertices), dtype=np.float32)
             weights[garment.pins.vertices] = self.pin_weight * garment.pins.weights

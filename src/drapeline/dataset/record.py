@@ -37,7 +37,7 @@ BODY_MASKS = {
     "fix_vertex": "int<vertices moves",
     "fix_delta": "float moves 3",
 }
-GARMENT_MASKS = {"elastic": "float vertices", "held": "float vertices"}
+GARMENT_MASKS = {name: "float vertices" for name in ("elastic", "held", "band?")}
 # Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
 # OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
 EXTRAS = "extras"

@@ -27,9 +27,9 @@ from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.manifest import write_manifest
 from drapeline.outfits.fabrics import cloth3d_name
+from drapeline.outfits.finish import draw_cloth
 from drapeline.outfits.garment_types import BODY
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
-from drapeline.outfits.prints import draw_print, metres_per_unit
 from drapeline.storage import atomic_folder, link_or_copy, load_npz, read_json, save_npz, write_json
 
 META_VERSION = 1
@@ -252,9 +252,8 @@ def _write_garment(
     name = garment.name
     mesh = Mesh(garment.vertices, garment.faces, garment.uv, garment.uv_faces)
     save_obj(folder / f"{name}.obj", mesh)
-    if told := garment.attributes["texture"].get("print"):
-        side = metres_per_unit(garment.vertices, garment.faces, garment.uv, garment.uv_faces)
-        Image.fromarray(draw_print(told, side)).save(folder / f"{name}.png")
+    if "print" in garment.attributes["texture"]:
+        Image.fromarray(draw_cloth(garment)).save(folder / f"{name}.png")
     source = simulation / f"{name}.f32"
     with PointCache(source, len(mesh.vertices)) as cache:
         if len(cache) != frame_count:
@@ -312,6 +311,7 @@ def _write_masks(
             folder / EXTRAS / f"{garment.name}.npz",
             elastic=np.asarray(garment.elastic, dtype=np.float32),
             held=np.asarray(garment.pin, dtype=np.float32),
+            band=np.asarray(garment.band, dtype=np.float32),
         )
 
 

@@ -245,7 +245,7 @@ def _garment(name: str, sheet: Mesh) -> Garment:
         waist = rim[rim[:, 2] > float(rim[:, 2].max()) - _SLANT_M]
         held[KDTree(waist).query(vertices)[0] <= _BAND_M] = 1
     no_uv = np.zeros((1, 2), dtype=np.float32), np.zeros_like(sheet.faces)
-    return Garment(name, vertices, sheet.faces, *no_uv, held, loose, {"fabric": _FABRIC})
+    return Garment(name, vertices, sheet.faces, *no_uv, held, loose, loose, {"fabric": _FABRIC})
 
 
 def _frames(folder: Path, garment: Garment) -> list[Mesh]:

@@ -70,7 +70,9 @@ def _sample(
         edge_length_m=settings.edge_length_m,
         vertices_min=settings.vertices_min,
         ranges=OutfitRanges(
-            tightness=settings.tightness_range, elastic_chance=settings.elastic_probability
+            tightness=settings.tightness_range,
+            elastic_chance=settings.elastic_probability,
+            fits=settings.fits,
         ),
         fabrics=settings.fabrics,
         own=wearer.own,

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from drapeline.outfits.fabrics import FABRICS, MEASURED_FABRICS
+from drapeline.outfits.garment_types import FITS
 from drapeline.settings import EachOnce, Field, OneOf, Settings
 
 _Bmi = Annotated[float, Field(ge=10, le=60)]
@@ -66,6 +67,14 @@ class OutfitSettings(Settings):
     tightness_range: tuple[_Tightness, _Tightness] = Field(
         (-1.5, 0.5), description="Both tightness values are drawn uniformly from this range."
     )
+    fits: tuple[Annotated[str, OneOf(FITS)], ...] = Field(
+        FITS,
+        min_length=1,
+        description=(
+            "Fits to draw from: each has a third of `tightness_range` and of the ranges of ease "
+            "and width. One that is listed twice is drawn twice as often."
+        ),
+    )
     fabrics: Annotated[tuple[Annotated[str, OneOf(tuple(FABRICS))], ...], EachOnce()] = Field(
         MEASURED_FABRICS,
         min_length=1,
@@ -80,6 +89,6 @@ class OutfitSettings(Settings):
         le=1,
         description=(
             "Probability of elastic cuffs, of elastic hems of trouser legs, and of an elastic "
-            "waist in full-body garments."
+            "waist in full-body garments. Legs that are fitted have none but of jersey and fleece."
         ),
     )

@@ -20,6 +20,7 @@ _NEAREST = 8
 _ROUNDS, _SPREAD_ROUNDS, _SPREAD_PASSES = 8, 5, 6
 _OVERSHOOT = 1.02  # of a push, so that it arrives within the rounds
 _OVER_PASSES = 10
+_HELD_REACH_M = 0.06  # from held cloth to where it hangs as it is cut
 
 
 def resize(
@@ -77,6 +78,33 @@ def leave_body(
         if separate is not None:
             points = separate(points)
     return points
+
+
+def lay_on(
+    vertices: np.ndarray,
+    body: SignedDistance,
+    held: np.ndarray,
+    gap_m: float,
+    collar: np.ndarray | None = None,
+) -> np.ndarray:
+    """(V, 3) metres of a garment whose held vertices lie on the body, others less with distance.
+
+    Args:
+        vertices: (V, 3) metres, outside the body.
+        body: signed distances to it.
+        held: (V,) bool, such as those of a waistband and of the shoulders.
+        gap_m: between body and cloth that is held.
+        collar: (R, C) vertices of a collar, which moves with its first row.
+    """
+    if not held.any():
+        return vertices
+    away, _ = KDTree(vertices[held]).query(vertices)
+    share = 1 - smoothstep(away / _HELD_REACH_M)
+    distance, out = body.query(vertices)
+    move = -(share * np.maximum(distance - gap_m, 0))[:, None] * out
+    if collar is not None:
+        move[collar[1:]] = move[collar[0]]
+    return vertices + move
 
 
 def lay_over(
@@ -161,6 +189,8 @@ def drape_on_form(
     held = np.zeros(len(points), dtype=bool)
     if "hem" not in pattern.marks and "left_armhole" not in pattern.marks:
         held[pattern.marks["waist"]] = True
+    if "collar" in pattern.marks:
+        held[pattern.marks["collar"]] = True
     high = points[:, 2] > form.landmarks["waist"]
     separate = separator(pattern)
 

@@ -1,10 +1,12 @@
-"""CLOTH3D's garment types and the outfits that they make."""
+"""CLOTH3D's six garment types, jackets, and the outfits that they make."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from drapeline.errors import InputError
+
+FITS = ("fitted", "regular", "loose")
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,7 @@ class GarmentType:
     region: Literal["upper", "lower", "whole"]
     skirt: bool = False  # whether they have one tube for both legs
     sleeve_chance: float = 0.0  # the probability of sleeves; without sleeves they have straps
+    outer: bool = False  # whether they are open in front and worn over other garments
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -33,6 +36,7 @@ GARMENT_TYPES = {
     "Skirt": GarmentType("lower", skirt=True),
     "Jumpsuit": GarmentType("whole", sleeve_chance=0.5),
     "Dress": GarmentType("whole", skirt=True, sleeve_chance=0.5),
+    "Jacket": GarmentType("upper", sleeve_chance=1.0, outer=True),
 }
 GARMENTS = tuple(GARMENT_TYPES)
 BODY = "Body"
@@ -47,7 +51,10 @@ def removable_limbs(garments: Iterable[str]) -> str:
 
 
 # Every combination of garment types that makes an outfit. Plans depend on the order.
-OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+OUTFIT_TYPES = (
+    *("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit"),
+    *("Tshirt+Trousers+Jacket", "Top+Trousers+Jacket", "Top+Skirt+Jacket"),
+)
 # With this list, all types of garments are worn equally often.
 EVEN_OUTFIT_TYPES = (
     *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
@@ -62,7 +69,12 @@ Item = TypeVar("Item")
 
 def layered(garments: Iterable[str]) -> tuple[str, ...]:
     """The garments of an outfit, from the innermost to the outermost."""
-    return tuple(sorted(garments, key=lambda name: GARMENT_TYPES[name].region != "lower"))
+
+    def height(name: str) -> tuple[bool, bool]:
+        kind = GARMENT_TYPES[name]
+        return kind.outer, kind.region != "lower"
+
+    return tuple(sorted(garments, key=height))
 
 
 def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:

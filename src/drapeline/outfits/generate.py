@@ -5,12 +5,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body, signed_tightness, tightness_shape
-from drapeline.geometry.mesh import mean_edge_length
+from drapeline.geometry.mesh import Mesh, mean_edge_length, triangulate
 from drapeline.geometry.signed_distance import SignedDistance
-from drapeline.geometry.smoothing import Constraint, averaging_matrix
+from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.outfits.distributions import (
     OutfitRanges,
     sample_skirt,
@@ -19,16 +20,17 @@ from drapeline.outfits.distributions import (
     uniform,
 )
 from drapeline.outfits.dress_form import DressForm
-from drapeline.outfits.fabrics import MEASURED_FABRICS, fabrics_of
+from drapeline.outfits.fabrics import FABRICS, MEASURED_FABRICS, fabrics_of
 from drapeline.outfits.fit import (
     RESIZE_EDGE_M,
     RESIZE_PASSES,
     drape_on_form,
+    lay_on,
     lay_over,
     leave_body,
     resize,
 )
-from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.garment_types import GARMENT_TYPES, layered
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.patterns.panels import Pattern, separator
@@ -36,12 +38,16 @@ from drapeline.outfits.prints import draw_texture
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment, rims
+from drapeline.outfits.worn import push_over
 from drapeline.seeding import rng_for
 
-BODY_GAP_M = 0.005
+BODY_GAP_M = 0.004
+_BEYOND_EDGES = 1.5  # by which jackets keep off what the open edges of other garments go on to
+_GAP_SHARE = 0.2  # of an edge, where that is more: edges are chords of what they lie on
 LAYER_GAP_M = 0.006
 _HEM_OVER_SKIRT = 0.5
 _TIGHT_LEGS_M = 0.0015
+_WOVEN_N_PER_M = 1000.0  # that what is knitted does not reach
 _END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
 
 
@@ -55,9 +61,14 @@ def sample_numbers(
 
     Args:
         outfit_type: garments joined by "+".
+        ranges: of one fit, see `OutfitRanges.of_fit`; the first of several is noted.
         fabrics: names to draw from; some may be for other garments only.
     """
-    names = outfit_type.split("+")
+    names, fit = outfit_type.split("+"), ranges.fits[0]
+    if any(GARMENT_TYPES[name].outer for name in names):
+        below = replace(ranges, collar_chance=0.0)  # its own collar lies there
+    else:
+        below = ranges
     out = []
     for name in names:
         garment_type = GARMENT_TYPES[name]
@@ -65,7 +76,13 @@ def sample_numbers(
         parts: dict[str, Any] = {}
         if "upper" in garment_type.parts:
             sleeves = _has_sleeves(rng, garment_type.sleeve_chance)
-            parts["upper"] = sample_upper(rng, ranges, sleeves=sleeves, opens=not whole)
+            parts["upper"] = sample_upper(
+                rng,
+                ranges if garment_type.outer else below,
+                sleeves=sleeves,
+                opens=not whole,
+                outer=garment_type.outer,
+            )
         if "trousers" in garment_type.parts:
             parts["trousers"] = sample_trousers(rng, ranges)
         if "skirt" in garment_type.parts:
@@ -86,7 +103,11 @@ def sample_numbers(
         }
         parts["fullness"] = uniform(rng, ranges.fullness)
         parts["fold_seed"] = int(rng.integers(2**31))
+        parts["fit"] = fit
         fabric = str(rng.choice(fabrics_of(name, fabrics)))
+        if fit == "fitted" and FABRICS[fabric].stretch_n_per_m > _WOVEN_N_PER_M:
+            # Legs that neither stretch nor slide would hold back whoever crouches.
+            elastic |= {end: False for end in elastic if end == "legs"}
         texture = draw_texture(parts["fold_seed"], fabric, _colour(rng))
         attributes = {
             "fabric": fabric,
@@ -96,7 +117,8 @@ def sample_numbers(
         }
         out.append((name, attributes))
     # Lower garments are worn under upper ones.
-    return sorted(out, key=lambda item: GARMENT_TYPES[item[0]].region == "upper")
+    order = layered(names)
+    return sorted(out, key=lambda item: order.index(item[0]))
 
 
 def _has_sleeves(rng: np.random.Generator, chance: float) -> bool:
@@ -145,6 +167,7 @@ def sample_outfit(
         InputError: a user's garment is unusable.
     """
     ranges = ranges or OutfitRanges()
+    ranges = ranges.of_fit(str(rng.choice(ranges.fits)))
     numbers = sample_numbers(rng, outfit_type, ranges, fabrics)
     tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
     return make_outfit(
@@ -189,19 +212,34 @@ def make_outfit(
     garments: list[Garment] = []
     for name, attributes in numbers:
         if own and name in own:
-            garment, separate = _from_file(own[name], name, attributes, body), None
+            garment, separate, collar = _from_file(own[name], name, attributes, body), None, None
         else:
-            garment, separate = _from_template(
+            garment, pattern = _from_template(
                 name, attributes, templates.form, edge_length_m, vertices_min
             )
+            separate = separator(pattern, _TIGHT_LEGS_M)
+            collar = pattern.marks.get("collar")
         points = garment.vertices
         average = averaging_matrix(garment.faces, len(points))
         edge_m = mean_edge_length(points, garment.faces)
         passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resize(points, average, mean_body, target, passes)
-        points = leave_body(points, average, solid, max(BODY_GAP_M, 0.3 * edge_m), separate)
+        gap_m = max(BODY_GAP_M, _GAP_SHARE * edge_m)
+        above = LAYER_GAP_M if GARMENT_TYPES[name].outer else 0.0
+        points = lay_on(points, solid, garment.pin > 0, gap_m + above, collar)
+        points = leave_body(points, average, solid, gap_m, separate)
         for inner in garments:
-            points = lay_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
+            worn = inner.vertices.astype(float)
+            if GARMENT_TYPES[name].outer:  # over sleeves too
+                sheet = Mesh(worn, triangulate(inner.faces))
+                over = push_over(
+                    points, average, sheet, gap_m=LAYER_GAP_M, beyond_m=_BEYOND_EDGES * edge_m
+                )
+                if collar is not None:
+                    over[collar[1:]] = points[collar[1:]] + (over - points)[collar[0]]
+                points = over
+            else:
+                points = lay_over(points, average, worn, axis_y, LAYER_GAP_M)
         garments.append(replace(garment, vertices=points.astype(np.float32)))
     return Outfit(
         tuple(garments),
@@ -214,8 +252,8 @@ def make_outfit(
 
 def _from_template(
     name: str, attributes: dict[str, Any], form: DressForm, edge_length_m: float, vertices_min: int
-) -> tuple[Garment, Constraint]:
-    """A garment on the dress form, with float64 vertices, and what keeps its parts apart."""
+) -> tuple[Garment, Pattern]:
+    """A garment on the dress form, with float64 vertices, and its pattern."""
     numbers = attributes["parameters"]
     parts = {part: numbers[part] for part in GARMENT_TYPES[name].parts}
     pattern = cut_garment(form, edge_length_m, **parts)
@@ -227,8 +265,8 @@ def _from_template(
     points = drape_on_form(folds, form, pattern, edge_length_m, numbers["fullness"])
     uv, uv_faces = pattern.texture()
     pin, elastic = _masks(pattern, name, attributes)
-    garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, attributes)
-    return garment, separator(pattern, _TIGHT_LEGS_M)
+    band = _bands(pattern, pin > 0, elastic > 0)
+    return Garment(name, points, faces, uv, uv_faces, pin, elastic, band, attributes), pattern
 
 
 def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: BodyModel) -> Garment:
@@ -250,7 +288,8 @@ def _from_file(own: OwnGarment, name: str, attributes: dict[str, Any], body: Bod
     assert mesh.uv is not None
     assert mesh.uv_faces is not None
     points = mesh.vertices.astype(np.float64)
-    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, attributes)
+    band = np.zeros(len(points), np.float32)
+    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, band, attributes)
 
 
 def _masks(
@@ -276,3 +315,31 @@ def _masks(
             low, high = ring.min(axis=0) - _END_M, ring.max(axis=0) + _END_M
             gathered[((points > low) & (points < high)).all(axis=1)] = 1
     return pin, gathered
+
+
+# Height of bands, and how much of one they are.
+_BANDS = {
+    "collar": (0.0, 1.0),
+    **dict.fromkeys(("left_cuff", "right_cuff", "waistband"), (0.045, 1.0)),
+    **dict.fromkeys(("hem", "skirt_hem", "left_leg_cuff", "right_leg_cuff"), (0.025, 0.3)),
+}
+
+
+def _bands(pattern: Pattern, held: np.ndarray, gathered: np.ndarray) -> np.ndarray:
+    """(V,) float32 of `Garment.band`: what is folded or lined, but for what an elastic gathers.
+
+    Sewn waists are no bands.
+    """
+    marks = dict(pattern.marks)
+    waist = marks.pop("waist", np.zeros(0, dtype=int))
+    marks["waistband"] = waist[held[waist]]
+    band = np.zeros(pattern.count, np.float32)
+    for name, (height, share) in _BANDS.items():
+        ends = np.ravel(marks.get(name, ())).astype(int)
+        if name == "collar":
+            band[ends] = share
+        elif len(ends):
+            away, _ = KDTree(pattern.vertices[ends]).query(pattern.vertices)
+            band[away < height] = np.maximum(band[away < height], share)
+    band[gathered] = 0
+    return band

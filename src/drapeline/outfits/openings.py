@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.geometry.mesh import boundary_loops
+from drapeline.geometry.mesh import boundary_loops, loop_count
 
 SIDES = ("left", "right")
 _LIMB_M = 0.12  # around the narrowest opening that a limb passes; smaller ones are buttonholes
 _ROOM = 1.5  # openings are taken to be wider, so that a body of other proportions passes as well
 _LEGS = {f"{side} leg" for side in SIDES}
+_OPEN_FRONT_M = 0.3  # height of an edge that runs from the neck to the hem
+_COLLAR = 1.0  # a collar may reach up to the ears
 _EDGE = 1e-4  # by which a triangle of a fan reaches over its neighbour, of its own size
 
 
@@ -21,13 +23,14 @@ def limb_openings(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
     return [loop for loop in loops if _length(vertices[loop]) > _LIMB_M]
 
 
-def limb_bones(joints: np.ndarray) -> dict[str, np.ndarray]:
+def limb_bones(joints: np.ndarray, *, beyond_head: float = 0.0) -> dict[str, np.ndarray]:
     """Bones of each limb (n, 2, 3), from joint to joint.
 
     Arms and legs go on for what sleeves and hems may cover.
 
     Args:
         joints: (24, 3) metres.
+        beyond_head: how far the trunk goes on above the head's joint, in lengths of the neck.
     """
 
     def line(*names: str, beyond: float = 0) -> np.ndarray:
@@ -36,7 +39,8 @@ def limb_bones(joints: np.ndarray) -> dict[str, np.ndarray]:
         return np.stack([places[:-1], places[1:]], axis=1).astype(np.float64)
 
     hips = [line("pelvis", f"{side}_hip") for side in SIDES]
-    trunk = line("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+    spine = ("spine1", "spine2", "spine3")
+    trunk = line("pelvis", *spine, "neck", "head", beyond=beyond_head)
     bones = {"trunk": np.concatenate([trunk, *hips])}
     for side in SIDES:
         arm = (f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist", "hand"))
@@ -60,7 +64,9 @@ def passing_limbs(bones: dict[str, np.ndarray], opening: np.ndarray) -> set[str]
 class WornOpenings:
     """The openings of a garment that a limb passes at rest.
 
-    Hems that both legs pass do not count: legs may be drawn up into a skirt.
+    Hems that both legs pass do not count: legs may be drawn up into a skirt. Nor does the edge of
+    an open jacket, all around its fronts, neck and hem; and where edges touch, openings cannot be
+    told apart, so there are none.
     """
 
     loops: Sequence[np.ndarray]  # ids of vertices
@@ -68,9 +74,13 @@ class WornOpenings:
     @classmethod
     def at_rest(cls, vertices: np.ndarray, faces: np.ndarray, joints: np.ndarray) -> "WornOpenings":
         """Those of a garment with vertices (V, 3) on a body with joints (24, 3), in metres."""
-        bones = limb_bones(joints)
+        if loop_count(faces) < 0:  # rims that touch one another, as of decoded garments
+            return cls([])
+        bones = limb_bones(joints, beyond_head=_COLLAR)
         passed = [
-            (loop, passing_limbs(bones, vertices[loop])) for loop in limb_openings(vertices, faces)
+            (loop, passing_limbs(bones, vertices[loop]))
+            for loop in limb_openings(vertices, faces)
+            if np.ptp(vertices[loop, 2]) < _OPEN_FRONT_M
         ]
         return cls([loop for loop, limbs in passed if limbs and limbs != _LEGS])
 
@@ -81,7 +91,7 @@ class WornOpenings:
             vertices: (V, 3) metres.
             joints: (24, 3) in the same frame.
         """
-        bones = limb_bones(joints)
+        bones = limb_bones(joints, beyond_head=_COLLAR)
         return [loop for loop in self.loops if not passing_limbs(bones, vertices[loop])]
 
 

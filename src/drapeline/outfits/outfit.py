@@ -1,4 +1,4 @@
-"""Outfits: one or two garments made for one body, and their files."""
+"""Outfits: garments made for one body, and their files."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +21,8 @@ class Garment:
     uv_faces: np.ndarray
     pin: np.ndarray  # (V,) float32, 1 where the waistband is held
     elastic: np.ndarray  # (V,) float32, 1 on ends that are gathered
+    # (V,) float32, how much of a band a vertex is: 1 on collars, cuffs, waistbands, less on hems.
+    band: np.ndarray
     # What goes into the JSON file: fabric, elastic, texture, parameters.
     attributes: dict[str, Any] = field(default_factory=dict)
 
@@ -29,7 +31,7 @@ class Garment:
 class Outfit:
     """Garments from inner to outer, and whom they are made for."""
 
-    garments: tuple[Garment, ...]  # one or two
+    garments: tuple[Garment, ...]
     shape: np.ndarray  # (10,) the wearer's shape
     tightness: np.ndarray  # (2,) gamma as drawn
     signed_tightness: np.ndarray  # (2,) the same with the gender's sign
@@ -43,7 +45,7 @@ class Outfit:
         """
         arrays = {}
         for g in self.garments:
-            for key in ("vertices", "faces", "uv", "uv_faces", "pin", "elastic"):
+            for key in _ARRAYS:
                 arrays[f"{g.name}/{key}"] = getattr(g, key)
         save_npz(npz_path, **arrays)
         write_json(
@@ -76,6 +78,7 @@ _ARRAYS = {
     "uv_faces": "int<{t} {f} {k}",
     "pin": "float {v}",
     "elastic": "float {v}",
+    "band": "float {v}",
 }
 
 

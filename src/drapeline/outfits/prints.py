@@ -20,7 +20,7 @@ class _Choice(NamedTuple):
     size_m: tuple[float, float] = (0.0, 0.0)  # of its repeat
 
 
-# What cloth of a fabric looks like. A plain garment has one colour.
+# What cloth of a fabric looks like.
 _CHOICES: dict[str, tuple[_Choice, ...]] = {
     "cotton": (
         _Choice("plain", 0.25),
@@ -74,7 +74,7 @@ def draw_texture(seed: int, fabric: str, colour: Colour) -> dict[str, Any]:
         colour: that the garment has if it is plain, and most of it otherwise.
 
     Returns:
-        `type`: "color", or "pattern" with `print`; `data`: its colour or that of most of it.
+        `type`: "pattern"; `print`: what `draw_print` takes; `data`: the colour of most of it.
     """
     rng = rng_for(seed, "print")
     choices = _CHOICES.get(fabric, (_Choice("plain", 1.0),))
@@ -85,8 +85,6 @@ def draw_texture(seed: int, fabric: str, colour: Colour) -> dict[str, Any]:
         ground = list(_INDIGO[int(rng.integers(len(_INDIGO)))])
     if fabric == "wool_suiting":
         ground = [float(0.25 * c + 0.75 * 0.6 * np.mean(ground)) for c in ground]  # muted
-    if chosen.kind == "plain":
-        return {"type": "color", "data": ground}
     return {
         "type": "pattern",
         "data": ground,
@@ -330,8 +328,13 @@ def _threads(rng: np.random.Generator) -> Callable[[np.ndarray, float], np.ndarr
     return lambda length, step_m: tone[np.floor(length / step_m).astype(int) % _THREADS]
 
 
+def _plain(colours: np.ndarray, size_m: float, rng: np.random.Generator) -> _Drawn:
+    return _Drawn(colours[:1], (0.01, 0.01), lambda x, y: _flat(np.array([[0]]), x, y))
+
+
 _LINE_M = 0.0014
 _KINDS: dict[str, Callable[[np.ndarray, float, np.random.Generator], _Drawn]] = {
+    "plain": _plain,
     "stripes": _stripes,
     "pinstripe": _pinstripe,
     "breton": _breton,

@@ -102,7 +102,7 @@ def garment_type(path: str | Path, body: BodyModel, *, mend: bool = False) -> st
     alike = {
         name: kind.sleeve_chance
         for name, kind in GARMENT_TYPES.items()
-        if kind.region == region and (region == "upper" or kind.skirt != legs)
+        if kind.region == region and not kind.outer and (region == "upper" or kind.skirt != legs)
     }
     sign = 1 if np.abs(x).max() > _SLEEVE_M else -1
     return max(alike, key=lambda name: sign * alike[name])

@@ -13,7 +13,7 @@ from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
 from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 
-_GAP_M = 0.004  # between layers of cloth
+GAP_M = 0.004  # between layers of cloth
 _LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be over it
 _ROUNDS, _SPREAD = 3, 4
 
@@ -56,14 +56,30 @@ def stack_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
             vertices = resolver.push_out(sheet.vertices, average)
             for inner in worn:
                 if len(inner.faces):
-                    vertices = _push_over(vertices, average, inner)
+                    vertices = push_over(vertices, average, inner)
             sheet = Mesh(vertices, sheet.faces)
         worn.append(sheet)
     return worn
 
 
-def _push_over(cloth: np.ndarray, average: sp.csr_matrix, inner: Mesh) -> np.ndarray:
-    """Cloth (V, 3) moved to the outer side of an open sheet, wherever that lies over it."""
+def push_over(
+    cloth: np.ndarray,
+    average: sp.csr_matrix,
+    inner: Mesh,
+    *,
+    gap_m: float = GAP_M,
+    beyond_m: float = 0.0,
+) -> np.ndarray:
+    """Cloth (V, 3) moved to the outer side of an open sheet, wherever that lies over it.
+
+    Args:
+        cloth: metres.
+        average: (V, V) of `averaging_matrix`.
+        inner: the sheet.
+        gap_m: between both.
+        beyond_m: how far the sheet's plane counts beyond its open edges. Past an opening there is
+            nothing to be over, whatever side of the last face it is.
+    """
     edge = np.zeros(len(inner.vertices), dtype=bool)
     edge[boundary_edges(inner.faces)] = True
     at_edge = edge[inner.faces].any(axis=1)
@@ -72,12 +88,12 @@ def _push_over(cloth: np.ndarray, average: sp.csr_matrix, inner: Mesh) -> np.nda
         normal = face_normals(inner.vertices, inner.faces[face])
         away = cloth - place
         height = np.einsum("vi,vi->v", away, normal)
-        # Past an opening there is nothing to be over, whatever side of the last face it is.
-        below = (height < _GAP_M) & (np.linalg.norm(away, axis=1) < _LAYER_M) & ~at_edge[face]
+        reach = np.where(at_edge[face], beyond_m, _LAYER_M)
+        below = (height < gap_m) & (np.linalg.norm(away, axis=1) < reach)
         if not below.any():
             break
-        push = np.where(below, _GAP_M - height, 0)[:, None] * normal
+        push = np.where(below, gap_m - height, 0)[:, None] * normal
         if round_ < _ROUNDS - 1:
             push = spread_pushes(push, average, _SPREAD)
-        cloth = (cloth + push).astype(np.float32)
+        cloth = (cloth + push).astype(cloth.dtype)
     return cloth

@@ -13,6 +13,7 @@ GARMENT_COLOURS = {
     "Skirt": PURPLE,
     "Jumpsuit": VERMILION,
     "Dress": SKY,
+    "Jacket": "#7A5C3E",
 }
 # The others have no highlights.
 FABRIC_GLOSS = {

@@ -37,6 +37,7 @@ from drapeline.simulation.solver import Attempt, ClothGarment, ClothSolver, plan
 from drapeline.storage import atomic_folder, load_npz, read_json, save_npz, write_json
 
 _LEAD_FRAMES = 4.0
+_BAND_STIFFNESS = 10.0  # of collars and cuffs, two layers of cloth with a lining, in one of them
 _CHUNK = 32
 
 
@@ -457,6 +458,7 @@ def _cloth_garment(
         shrink=elastic_shrinkage(
             vertices, garment.faces, garment.elastic, body.frame(0), gap_m=gap_m
         ),
+        stiffness=1 + (_BAND_STIFFNESS - 1) * garment.band.astype(np.float64),
         pins=Pins(garment.pin, vertices, body),
     )
 

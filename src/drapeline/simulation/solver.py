@@ -96,6 +96,8 @@ class ClothGarment:
     edge_length_m: float
     fabric: Fabric
     shrink: np.ndarray  # (V,) 0-1, share by which elastics shorten the rest lengths at a vertex
+    # (V,) how many times the fabric's stiffness against bending a vertex has, 1 and more.
+    stiffness: np.ndarray
     pins: Pins  # vertices that are held, none where nothing but friction holds the garment
 
 

@@ -200,7 +200,11 @@ def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def make_hinges(
-    vertices: np.ndarray, faces: np.ndarray, fabric: Fabric, warp: np.ndarray
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    fabric: Fabric,
+    warp: np.ndarray,
+    stiffness: np.ndarray,
 ) -> Hinges:
     """Hinges along the threads of quads and across them, or over the edges of triangles.
 
@@ -215,6 +219,7 @@ def make_hinges(
         vertices: (V, 3) metres, at rest.
         faces: (F, 4) or (F, 3).
         warp: (F, 3), see `threads.warp_directions`.
+        stiffness: (V,) how many times as stiff as the fabric; a hinge has the mean of its vertices.
     """
     weft = weft_directions(vertices, faces, warp)
     kind = _thread_hinges if faces.shape[1] == 4 else _edge_hinges
@@ -231,6 +236,7 @@ def make_hinges(
         corners = np.concatenate([corners, faces[:, [0, 2, 1, 3]]])
         weights = np.concatenate([weights, _twist_weights(vertices[faces])])
         bending = np.concatenate([bending, twisted / area])
+    bending = bending * stiffness[corners].mean(axis=1)
     bent = np.einsum("hk,hki->hi", weights, vertices[corners])
     lengths = (bent * _hinge_normals(vertices, corners)).sum(axis=1)
     return Hinges(corners, weights, lengths, bending, _BENDING_DAMPING_S * bending)

@@ -110,7 +110,7 @@ def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> Cloth
     warps = [warp_directions(v, g.faces) for v, g in zip(rest, garments, strict=True)]
     woven = list(zip(rest, garments, warps, strict=True))
     springs = [make_springs(v, g.faces, g.fabric, g.shrink, warp) for v, g, warp in woven]
-    hinges = [make_hinges(v, g.faces, g.fabric, warp) for v, g, warp in woven]
+    hinges = [make_hinges(v, g.faces, g.fabric, warp, g.stiffness) for v, g, warp in woven]
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
     joined_springs, spring_lanes, spring_rows = _join_constraints(

@@ -45,7 +45,7 @@ def flat(height):
     piece = sheet(height, rows=5, edge_m=0.1)
     uv = np.zeros((1, 2), np.float32)
     corners = np.zeros_like(piece.faces)
-    masks = np.zeros(25, np.float32), np.zeros(25, np.float32)
+    masks = 3 * [np.zeros(25, np.float32)]
     return Garment("Top", piece.vertices, piece.faces, uv, corners, *masks, attributes={})
 
 

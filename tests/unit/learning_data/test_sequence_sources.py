@@ -74,7 +74,7 @@ def test_a_sample_whose_garment_is_not_registered_is_named(simulated):
 def test_static_outfits_in_motion_are_sequences(simulated, tmp_path, toy_body):
     none = np.zeros(0, np.float32)
     skirt, top = (
-        Garment(name, m.vertices, m.faces, np.zeros((0, 2)), np.zeros((0, 4)), none, none)
+        Garment(name, m.vertices, m.faces, np.zeros((0, 2)), np.zeros((0, 4)), none, none, none)
         for name, m in (("Skirt", tube(0.25, -0.6, 0.0)), ("Top", tube(0.28, 0.05, 0.35)))
     )
     shape = np.full(10, 0.2)

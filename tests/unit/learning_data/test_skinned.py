@@ -28,8 +28,8 @@ SETTINGS = SkinnedSettings(frames=3, step=1, clouds=CloudSettings(points=100))
 
 
 def garment(name, mesh):
-    none = np.zeros(0, np.float32)
-    return Garment(name, mesh.vertices, mesh.faces, np.zeros((0, 2)), np.zeros((0, 4)), none, none)
+    none = 3 * [np.zeros(0, np.float32)]
+    return Garment(name, mesh.vertices, mesh.faces, np.zeros((0, 2)), np.zeros((0, 4)), *none)
 
 
 def outfit(*garments, gender="female"):

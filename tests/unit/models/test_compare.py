@@ -97,7 +97,7 @@ def test_garments_are_those_of_the_split_and_the_types_as_they_were_made():
     worn = {
         outfit: Outfit(
             tuple(
-                Garment(name, sheet(width).vertices, quads, NONE, NONE, NONE, NONE)
+                Garment(name, sheet(width).vertices, quads, *5 * [NONE])
                 for width, name in enumerate(names, 1)
             ),
             *(np.zeros(10), np.zeros(2), np.zeros(2), "female"),

@@ -10,6 +10,14 @@ from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for
 
 EDGE_M = 0.025
+SHIRT = {
+    "front": "buttoned",
+    "placket_m": 0.08,
+    "open_below": 0.3,
+    "collar_stand_m": 0.028,
+    "collar_fall_m": 0.045,
+    "collar_point_m": 0.015,
+}
 
 
 @pytest.fixture(scope="session")
@@ -93,6 +101,7 @@ def garments(templates, upper_numbers, trousers_numbers, skirt_numbers):
         "Tshirt": (dict(upper=upper_numbers), 4),
         "polo": (dict(upper=upper_numbers | {"front": "polo", "placket_m": 0.12}), 4),
         "open": (dict(upper=upper_numbers | {"front": "open"}), 3),
+        "shirt": (dict(upper=upper_numbers | SHIRT), 4),
         "Top": (dict(upper=top), 4),
         "Trousers": (dict(trousers=trousers_numbers), 3),
         "Skirt": (dict(skirt=skirt_numbers), 2),

@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.fabrics import MEASURED_FABRICS
-from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.outfits.garment_types import FITS, GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers
 from drapeline.seeding import rng_for
 
@@ -34,7 +34,7 @@ def test_if_none_are_given_every_measured_fabric_is_drawn():
 
 @pytest.mark.parametrize("chance", [0.0, 0.5, 1.0])
 def test_elastics_have_the_chance_they_are_given(chance):
-    ranges = replace(OutfitRanges(), elastic_chance=chance)
+    ranges = replace(OutfitRanges(), elastic_chance=chance).of_fit("regular")
     drawn = [
         on
         for k in range(400)
@@ -42,6 +42,39 @@ def test_elastics_have_the_chance_they_are_given(chance):
         for on in about["elastic"].values()
     ]
     assert abs(np.mean(drawn) - chance) < 0.06
+
+
+def test_legs_of_fitted_garments_have_elastics_where_the_fabric_stretches():
+    ranges = replace(OutfitRanges(), elastic_chance=1.0).of_fit("fitted")
+    for fabric in ("jersey", "denim"):
+        drawn = sample_numbers(rng_for(3, fabric), "Jumpsuit", ranges, (fabric,))
+        elastic = drawn[0][1]["elastic"]
+        assert elastic["legs"] == (fabric == "jersey")
+        assert elastic["waist"]
+
+
+def test_fits_share_ease_and_tightness_out_among_them():
+    whole = OutfitRanges()
+    parts = [whole.of_fit(fit) for fit in FITS]
+    for name in ("ease_m", "sleeve_w0", "leg_w0", "hip_ease_m", "skirt_alpha1"):
+        spans = [getattr(part, name) for part in parts]
+        assert spans[0][0] == getattr(whole, name)[0]
+        assert spans[-1][1] == pytest.approx(getattr(whole, name)[1])
+        assert [low for low, _ in spans[1:]] == pytest.approx([high for _, high in spans[:-1]])
+    assert [part.tightness for part in parts] == [
+        pytest.approx(span) for span in ((-1 / 6, 0.5), (-5 / 6, -1 / 6), (-1.5, -5 / 6))
+    ]
+    assert parts[0].neck_width_m == whole.neck_width_m
+
+
+def test_jackets_are_open_and_roomier_than_any_shirt():
+    for k in range(40):
+        worn = dict(numbers_of(k, "Tshirt+Trousers+Jacket"))
+        shirt, jacket = (worn[name]["parameters"]["upper"] for name in ("Tshirt", "Jacket"))
+        assert jacket["front"] == "open"
+        assert jacket["sleeve_w0"] > shirt["sleeve_w0"]
+        assert jacket["drop_m"] > shirt["drop_m"] - 0.002
+        assert "collar_stand_m" not in shirt  # the jacket's lies there
 
 
 def test_numbers_stay_in_their_ranges():
@@ -53,7 +86,7 @@ def test_numbers_stay_in_their_ranges():
                 for key, value in parts["trousers"].items():
                     low, high = getattr(ranges, key)
                     assert low <= value <= high
-                assert parts["trousers"]["leg_alpha1"] < 0 < parts["trousers"]["leg_alpha2"]
+                assert parts["trousers"]["leg_alpha1"] < 0 <= parts["trousers"]["leg_alpha2"]
             if "skirt" in parts:
                 assert parts["skirt"]["skirt_alpha1"] > 0
             assert 0 <= min(about["texture"]["data"]) <= max(about["texture"]["data"]) <= 1

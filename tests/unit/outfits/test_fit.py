@@ -8,7 +8,15 @@ from drapeline.bodies.rest_body import signed_tightness, tightness_shape
 from drapeline.geometry.mesh import edge_lengths, edges
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.geometry.smoothing import averaging_matrix
-from drapeline.outfits.fit import drape, drape_on_form, lay_over, leave_body, resize, seed_folds
+from drapeline.outfits.fit import (
+    drape,
+    drape_on_form,
+    lay_on,
+    lay_over,
+    leave_body,
+    resize,
+    seed_folds,
+)
 from drapeline.seeding import rng_for
 
 
@@ -48,6 +56,28 @@ def test_the_first_tightness_term_carries_the_sign_of_the_gender(gender, sign):
     np.testing.assert_allclose(target[:2], [sign * 0.4, 1 - 1.2])
     np.testing.assert_array_equal(target[2:], shape[2:])
     assert shape[0] == 0  # the wearer's own shape is left alone
+
+
+def test_what_is_held_lies_on_a_ball_and_cloth_far_from_it_stays(solid):
+    points, _ = tube(0.33)
+    held = np.abs(points[:, 2]) < 0.02
+    moved = lay_on(points, solid, held, 0.004)
+    distance, _ = solid.query(moved)
+    np.testing.assert_allclose(distance[held], 0.004, atol=5e-4)
+    far = np.abs(points[:, 2]) > 0.1
+    np.testing.assert_array_equal(moved[far], points[far])
+    near = ~held & (np.abs(points[:, 2]) < 0.06)
+    assert (distance[near] < solid.query(points)[0][near] + 1e-9).all()
+    np.testing.assert_array_equal(lay_on(points, solid, np.zeros(len(points), bool), 0.0), points)
+
+
+def test_a_collar_moves_with_the_neckline(solid):
+    points, _ = tube(0.33, rows=31)
+    rows = np.arange(len(points)).reshape(31, -1)
+    held = np.isin(np.arange(len(points)), rows[15])
+    moved = lay_on(points, solid, held, 0.004, rows[15:18]) - points
+    expected = np.repeat(moved[rows[15]][None], 2, axis=0)
+    np.testing.assert_allclose(moved[rows[16:18]], expected, atol=1e-12)
 
 
 def test_cloth_leaves_a_ball_by_the_gap_and_elsewhere_stays(solid):

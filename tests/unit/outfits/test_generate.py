@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body, tightness_shape
-from drapeline.geometry.mesh import (
-    edges,
-    triangulate,
-)
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import boundary_edges, edges, face_normals, triangulate
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers, sample_outfit
 from drapeline.seeding import rng_for
 
-ARRAYS = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic")
+ARRAYS = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic", "band")
 
 
 @pytest.mark.parametrize("outfit_type", OUTFIT_TYPES)
@@ -26,17 +24,34 @@ def test_no_garment_starts_inside_the_body(outfits, toy_body, outfit_type):
     body = rest_body(toy_body, tightness_shape(outfit.shape, outfit.tightness, outfit.gender))
     for garment in outfit.garments:
         distance, _ = SignedDistance(body, toy_body.faces).query(garment.vertices)
-        assert distance.min() > 0.0045
+        assert distance.min() > 0.0039
 
 
 @pytest.mark.parametrize("outfit_type", [name for name in OUTFIT_TYPES if "+" in name])
 def test_the_upper_garment_lies_over_the_lower_one(outfits, outfit_type):
-    inner, outer = outfits[outfit_type].garments
+    inner, outer = outfits[outfit_type].garments[:2]
     assert inner.name in ("Trousers", "Skirt")
     assert outer.name in ("Tshirt", "Top")
     distance, _ = SignedDistance(inner.vertices, triangulate(inner.faces)).query(outer.vertices)
     overlap = outer.vertices[:, 2] < inner.vertices[:, 2].max() - 0.01
     assert (distance[overlap] > 0.002).all()
+
+
+@pytest.mark.parametrize("outfit_type", [name for name in OUTFIT_TYPES if "Jacket" in name])
+def test_a_jacket_lies_over_what_is_worn_beneath(outfits, outfit_type):
+    *worn, jacket = outfits[outfit_type].garments
+    assert jacket.name == "Jacket"
+    count = 0
+    for inner in worn:
+        faces = triangulate(inner.faces)
+        place, face = closest_points(jacket.vertices, inner.vertices, faces)
+        away = jacket.vertices - place
+        over = np.einsum("vi,vi->v", away, face_normals(inner.vertices, faces[face]))
+        rim = np.isin(faces, boundary_edges(inner.faces)).any(axis=1)
+        near = (np.linalg.norm(away, axis=1) < 0.03) & ~rim[face]
+        assert (over[near] > 0.002).sum() >= 0.995 * near.sum()
+        count += near.sum()
+    assert count > 100
 
 
 def test_same_seed_same_outfit(outfits, toy_body, templates):
@@ -65,7 +80,7 @@ def test_waistbands_and_shoulders_are_held_and_only_they(outfits):
                 assert held[:, 2].min() > garment.vertices[:, 2].max() - 0.06
             else:
                 assert abs(held[:, 0].min() + held[:, 0].max()) < 0.02
-                assert held[:, 2].min() > np.quantile(garment.vertices[:, 2], 0.85)
+                assert held[:, 2].min() > np.quantile(garment.vertices[:, 2], 0.8)
 
 
 def test_elastic_marks_are_on_the_ends_that_have_it(outfits):

@@ -3,6 +3,7 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.geometry.mesh import triangulate
 from drapeline.outfits.openings import (
     WornOpenings,
     limb_bones,
@@ -49,6 +50,32 @@ def test_a_skirt_over_the_head_has_lost_its_waist_and_keeps_it_in_a_kick():
     turned = REST_POSE.copy()
     turned[3 * JOINT_NAMES.index("left_hip")] -= np.deg2rad(80)
     assert worn.lost(vertices, joints_in(turned)) == []
+
+
+def test_the_edge_of_an_open_front_cannot_be_lost():
+    """A jacket's fronts, neck and hem are one loop, which a body may leave without a harm."""
+    angle = np.linspace(0.1, 2 * np.pi - 0.1, 40)
+    height = np.linspace(-0.1, 0.45, 20)
+    points = np.stack(
+        [
+            np.tile(0.25 * np.sin(angle), (20, 1)),
+            np.tile(-0.25 * np.cos(angle), (20, 1)),
+            np.repeat(height[:, None], 40, axis=1),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    grid = np.arange(800).reshape(20, 40)
+    faces = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], -1)
+    rest = joints_in(REST_POSE)
+    assert WornOpenings.at_rest(points, faces.reshape(-1, 4), rest).loops == []
+
+
+def test_openings_that_touch_at_a_vertex_do_not_count():
+    vertices, faces = tube(0.0, -0.5)
+    corner = np.array([[faces[0, 0], faces[6, 0], faces[12, 0]]])
+    triangles = np.concatenate([triangulate(faces), corner])
+    rest = joints_in(REST_POSE)
+    assert WornOpenings.at_rest(vertices, triangles, rest).loops == []
 
 
 def test_openings_that_nothing_passed_at_rest_cannot_be_lost():

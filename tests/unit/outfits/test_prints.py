@@ -35,7 +35,7 @@ def test_cloth_of_each_fabric_can_be_drawn(fabric):
 
 
 def test_leather_is_plain_and_denim_is_blue():
-    assert {draw_texture(seed, "leather", RED)["type"] for seed in range(20)} == {"color"}
+    assert {draw_texture(seed, "leather", RED)["print"]["kind"] for seed in range(20)} == {"plain"}
     for seed in range(20):
         texture = draw_texture(seed, "denim", RED)
         assert texture["print"]["kind"] == "twill"

@@ -18,7 +18,8 @@ def garment(name, radius):
         "parameters": {"fold_seed": round(100 * radius)},
     }
     ends = np.ones(len(mesh.vertices), np.float32)
-    return Garment(name, mesh.vertices, mesh.faces, mesh.uv, mesh.uv_faces, ends, ends, attributes)
+    masks = ends, ends / 2, ends / 4
+    return Garment(name, mesh.vertices, mesh.faces, mesh.uv, mesh.uv_faces, *masks, attributes)
 
 
 @pytest.fixture

@@ -30,8 +30,9 @@ def make_springs(points, faces, fabric, shrink):
     return elasticity.make_springs(points, faces, fabric, shrink, warp_directions(points, faces))
 
 
-def make_hinges(points, faces, fabric):
-    return elasticity.make_hinges(points, faces, fabric, warp_directions(points, faces))
+def make_hinges(points, faces, fabric, stiffness=None):
+    stiffness = np.ones(len(points)) if stiffness is None else stiffness
+    return elasticity.make_hinges(points, faces, fabric, warp_directions(points, faces), stiffness)
 
 
 def springs_of(piece, shrink=0.0):
@@ -133,6 +134,22 @@ def test_a_rolled_sheet_has_the_energy_of_its_curvature(faces_of, aspect):
     expected = 0.5 * COTTON.bending_warp_n_m / 0.6**2 * 0.4 * 0.2
     assert bending_energy(roll(flat, 0.6), hinges) == pytest.approx(expected, rel=0.12)
     assert bending_energy(roll(flat, -0.6), hinges) == pytest.approx(expected, rel=0.12)
+
+
+@FACES
+def test_a_band_is_as_many_times_as_stiff_as_it_is_told(faces_of):
+    piece = sheet(0.0, rows=21, edge_m=0.01)
+    flat = piece.vertices.astype(float)
+    faces = faces_of(piece.faces)
+    rolled = roll(flat, 0.6)
+    plain = bending_energy(rolled, make_hinges(flat, faces, COTTON))
+    band = np.full(len(flat), 7.0)
+    assert bending_energy(rolled, make_hinges(flat, faces, COTTON, band)) == pytest.approx(
+        7 * plain
+    )
+    band[flat[:, 1] > 0] = 1
+    half = bending_energy(rolled, make_hinges(flat, faces, COTTON, band))
+    assert half == pytest.approx(4 * plain, rel=0.1)
 
 
 @FACES

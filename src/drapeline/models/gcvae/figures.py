@@ -339,7 +339,7 @@ def plot_sampled(job: Job) -> None:
     mixed = len({sample.asked for sample in samples}) > 1
     for sample in samples:
         caption = f"{sample.name} {sample.garment}" + " (asked)" * (mixed and sample.asked)
-        views[caption] = walk_view(sample.mesh, wearer_mesh(bodies, sample.cvar), sample.garment)
+        views[caption] = walk_view(sample.hung, wearer_mesh(bodies, sample.cvar), sample.garment)
     with ray_share(job.params.rays):
         plot_samples(job.output[0], views)
 

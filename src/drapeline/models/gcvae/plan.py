@@ -24,6 +24,7 @@ from drapeline.models.registry import (
     page,
 )
 from drapeline.models.training.settings import override_settings
+from drapeline.outfits.garment_types import GARMENTS
 
 _HERE = "drapeline.models.gcvae"
 _ABLATIONS = "metrics_gcvae_ablations"
@@ -294,7 +295,9 @@ class _GcvaeTasks:
     def samples(self) -> dict[str, Task]:
         """Garments of codes that are drawn."""
         asked, config = self.settings["sampling"], self.files.config
-        keys = ("count", "garments", "female_share", "shape", "tightness")
+        keys = ("count", "female_share", "shape", "tightness")
+        plans = self.files.resting_plans.values()
+        worn = {name for plan in plans for name in plan.outfit_type.split("+")}
         return {
             "sampled": Task(
                 f"{_HERE}.sample:sample_garments_of_codes",
@@ -303,13 +306,21 @@ class _GcvaeTasks:
                     "seed": self.seed,
                     "conditions": {
                         **{key: asked[key] for key in keys},
+                        "garments": asked["garments"] or [n for n in GARMENTS if n in worn],
                         "shape_range": config["body"]["shape_range"],
                         "tightness_range": config["outfits"]["tightness_range"],
                     },
                     "settle": asked["settle"],
+                    "hang_frames": asked["hang_frames"],
+                    "solver": self.files.hanging_solver,
+                    "hanging": {
+                        "edge_length_m": config["outfits"]["edge_length_m"],
+                        "simulation": config["simulation"]["settings"],
+                    },
                 },
-                seconds=600,
+                seconds=600 + 20 * asked["count"],
                 megabytes=2000,
+                modules=[self.files.hanging_solver],
             )
         }
 

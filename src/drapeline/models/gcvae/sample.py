@@ -22,6 +22,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
+from drapeline.generation.moving_sheets import SolverDraper, job_draper
 from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
@@ -33,7 +34,7 @@ from drapeline.models.gcvae.load import TrainingCodes, load_codec, load_training
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
-from drapeline.rule_log import LOGGER
+from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
@@ -362,13 +363,16 @@ def save_samples(
     sampled: Sequence[SampledGarment],
     bodies: Mapping[str, BodyModel],
     body_faces: np.ndarray,
+    hung: Mapping[str, Mesh],
 ) -> list[dict[str, str | float]]:
     """Write `{name}.obj` and `{name}.glb` (with its wearer) per sample, `samples.tsv`, `codes.npz`.
 
-    A code that decodes to nothing has no OBJ file, and its glTF file holds only the wearer.
+    A code that decodes to nothing has no OBJ file, and its glTF file holds only the wearer. What
+    hangs is in `hung/{name}.obj`, and in the glTF file in place of what was decoded.
 
     Args:
         folder: to write.
+        hung: by name, garments as they hang on their wearers.
         bodies: gender -> the whole body.
         body_faces: (F, 3) of the body that garments were decoded on.
 
@@ -377,11 +381,15 @@ def save_samples(
     """
     rows = sample_table(sampled, body_faces)
     with atomic_folder(folder) as scratch:
+        (scratch / _HUNG).mkdir()
         for sample in sampled:
             parts = [_still_part("Body", wearer_mesh(bodies, sample.request.cvar), BODY_COLOUR)]
             if len(sample.mesh.faces):
                 save_obj(scratch / f"{sample.name}.obj", sample.mesh)
-                parts.append(_still_part(sample.garment, sample.mesh, PLAIN_COLOUR))
+                shown = hung.get(sample.name, sample.mesh)
+                parts.append(_still_part(sample.garment, shown, PLAIN_COLOUR))
+            if sample.name in hung:
+                save_obj(scratch / _HUNG / f"{sample.name}.obj", hung[sample.name])
             write_glb(scratch / f"{sample.name}.glb", parts)
         save_npz(
             scratch / "codes.npz",
@@ -405,9 +413,11 @@ class SavedSample(NamedTuple):
     garment: str  # its type
     asked: bool  # whether that type was asked for; if not, the code came from the prior
     mesh: Mesh  # the garment; without faces if nothing was decoded
+    hung: Mesh  # as it hangs on its wearer; the same where it does not
     cvar: np.ndarray  # (13,) conditions
 
 
+_HUNG = "hung"
 _ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}
 
 
@@ -424,9 +434,10 @@ def load_samples(folder: str | Path) -> list[SavedSample]:
     for name, garment, asked, cvar in zip(
         *(about[key] for key in ("name", "garment", "asked", "cvar")), strict=True
     ):
-        path = folder / f"{name}.obj"
+        path, hanging = folder / f"{name}.obj", folder / _HUNG / f"{name}.obj"
         mesh = load_obj(path) if path.is_file() else nothing
-        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, cvar))
+        hung = load_obj(hanging) if hanging.is_file() else mesh
+        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, hung, cvar))
     return samples
 
 
@@ -449,9 +460,32 @@ def sample_garments_of_codes(job: Job) -> None:
     model, types = load_codec(Path(given.model) / BEST), load_types(given.model)
     requests = draw_requests(params.seed, **params.conditions)
     sampled = sample_garments(model, types, requests, params.seed, settle=params.settle)
-    faces = model.body_template.faces["body"]
-    rows = save_samples(job.output[0], sampled, load_bodies(given), faces)
+    faces, bodies = model.body_template.faces["body"], load_bodies(given)
+    draper = job_draper(job, params.hang_frames)
+    hung = {} if draper is None else _hang(sampled, bodies, draper)
+    rows = save_samples(job.output[0], sampled, bodies, faces, hung)
     good = sum(float(row["inside_1cm_share"]) <= 0.05 for row in rows)
     LOGGER.info(
         "%d of %d garments have at most 5 %% of their vertices deeper than 1 cm", good, len(rows)
     )
+
+
+def _hang(
+    sampled: Sequence[SampledGarment], bodies: Mapping[str, BodyModel], draper: SolverDraper
+) -> dict[str, Mesh]:
+    """Name -> a garment that has hung on its wearer at rest, where its simulation succeeded."""
+    hung = {}
+    for sample in progress(sampled, total=len(sampled), label="garments"):
+        request = sample.request
+        draped = draper(
+            {sample.garment: sample.mesh},
+            bodies[request.gender],
+            request.gender,
+            np.asarray(request.shape, dtype=np.float64),
+            REST_POSE,
+            np.zeros(3),
+            np.array([0.0, 0.0, 1.0]),
+        )
+        if draped:
+            hung[sample.name] = draped[sample.garment].posed
+    return hung

@@ -245,12 +245,14 @@ class Sampling(Settings):
         "static_ppca", description="The static model that samples and figures are made with."
     )
     count: int = Field(24, ge=1, le=99_999, description="Garments to draw.")
-    garments: tuple[Annotated[str, OneOf(("prior", *GARMENTS))], ...] = Field(
-        GARMENTS,
-        min_length=1,
+    garments: (
+        Annotated[tuple[Annotated[str, OneOf(("prior", *GARMENTS))], ...], Field(min_length=1)]
+        | None
+    ) = Field(
+        None,
         description=(
-            "Types to take turns over; prior draws codes from the standard normal, whatever type "
-            "results."
+            "Types to take turns over; null takes those of the outfits at rest. prior draws codes "
+            "from the standard normal, whatever type results."
         ),
     )
     female_share: float = Field(
@@ -267,6 +269,15 @@ class Sampling(Settings):
         description=(
             "Whether to smooth garments and push them out of the body after decoding, which the "
             "paper does not do; otherwise no vertex is moved."
+        ),
+    )
+    hang_frames: int = Field(
+        12,
+        ge=0,
+        le=300,
+        description=(
+            "Frames for which the fast cloth solver then lets garments hang on their wearers, for "
+            "pictures and glTF; the OBJ files have them as they are decoded. 0 leaves them so."
         ),
     )
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
+from drapeline.outfits.patterns.collar import Collar
 from drapeline.outfits.patterns.lower import (
     SkirtCut,
     TrousersCut,
@@ -48,17 +49,23 @@ def upper_cut(form: DressForm, values: Numbers, hem_m: float | None = None) -> U
     if "sleeve_length" in values:
         shoulder_x = marks["shoulder_x"] + 0.012 * size
         length = marks["wrist_x"] - marks["shoulder_x"]
+        upper_arm = marks["shoulder_x"], marks["elbow_x"]
         sleeve_x = marks["shoulder_x"] + 0.05 + (length - 0.05) * values["sleeve_length"]
         sleeve = WidthLine(
             values["sleeve_alpha1"],
             values["sleeve_alpha2"],
             values["sleeve_offset"] * (sleeve_x - marks["shoulder_x"]),
-            values["sleeve_w0"] * _mean_diameter(form.arm, form.arm.start_m),
+            values["sleeve_w0"] * _mean_diameter(form.arm, _mix(*upper_arm, 0.4)),
         )
     else:
         shoulder_x = (values["neck_width_m"] + values["strap_m"]) * size
+    hem = _mix(marks["waist"], marks["crotch"], values["hem"]) if hem_m is None else hem_m
+    collar = None
+    if "collar_stand_m" in values:
+        parts = (values[f"collar_{part}_m"] * size for part in ("stand", "fall", "point"))
+        collar = Collar(*parts)
     return UpperCut(
-        hem=_mix(marks["waist"], marks["crotch"], values["hem"]) if hem_m is None else hem_m,
+        hem=hem,
         ease=values["ease_m"],
         flare=values["flare"] if hem_m is None else 0.0,
         shaping=values["shaping"],
@@ -73,6 +80,8 @@ def upper_cut(form: DressForm, values: Numbers, hem_m: float | None = None) -> U
         sleeve=sleeve,
         front=values["front"],
         placket=values.get("placket_m", 0.0) * size,
+        below=_mix(hem, marks["armpit"], values.get("open_below", 0.0)),
+        collar=collar,
     )
 
 

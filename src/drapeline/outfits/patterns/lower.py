@@ -18,7 +18,7 @@ from drapeline.outfits.patterns.curves import (
 from drapeline.outfits.patterns.panels import BETWEEN_LEGS_M, Pattern, separator
 from drapeline.outfits.patterns.width_profile import WidthLine
 
-GAP_M = 0.008
+GAP_M = 0.005
 _LEG_TILT = float(np.tan(REST_POSE[5]))
 _SEAM_M = 0.15  # over which a sewn waist evens out
 

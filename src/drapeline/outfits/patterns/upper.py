@@ -1,12 +1,13 @@
 """Upper-body patterns: front, back and sleeves of t-shirts, shirts, polos and tops."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.geometry.smoothing import Constraint, averaging_matrix, equalise_edges, smooth
+from drapeline.geometry.smoothing import averaging_matrix, equalise_edges, smooth
 from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
+from drapeline.outfits.patterns.collar import Collar, add_collar
 from drapeline.outfits.patterns.curves import (
     curve_length,
     hang,
@@ -19,7 +20,8 @@ from drapeline.outfits.patterns.curves import (
 from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.width_profile import WidthLine
 
-GAP_M = 0.012  # cloth to dress form
+GAP_M = 0.005  # cloth to dress form
+_PARTS_M = 0.1  # from where fronts are joined to where they are 8 mm apart
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,10 @@ class UpperCut:
     scye: float  # how far armholes are cut inwards between shoulder and underarm
     sleeve_x: float | None  # where sleeves end along the arm; None means no sleeves
     sleeve: WidthLine | None  # width along the arm, x from the shoulder joint
-    front: str  # "closed", "polo" or "open"
-    placket: float  # length of a polo's opening
+    front: str  # "closed", "polo", "buttoned" or "open"
+    placket: float  # length of the opening below the neck, of polos and shirts with buttons
+    below: float  # height below which a shirt with buttons is open again
+    collar: Collar | None
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,11 @@ def build_upper(
     for ids in (front, back):
         pattern.add_panel(ids, counts.half // 2)
     average = averaging_matrix(pattern.faces(), len(points))
-    lift = _lifter(form, cut, underarm)
+    level = _leveller(form, cut, underarm)
+
+    def lift(points: np.ndarray) -> np.ndarray:
+        return form.upper.lift(points, level(points))
+
     for ids in (front, back):
         _fill_columns(points, ids, free)
         _follow_armholes(points, ids, free, counts)
@@ -98,8 +106,11 @@ def build_upper(
     pattern.vertices = equalise_edges(points, pattern.faces(), free, 8, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
-    _front_panels(pattern, cut, front, counts, edge_length_m)
+    copies = _front_panels(pattern, cut, front, counts, edge_length_m)
     pattern.add_panel(back, counts.half // 2)
+    if cut.collar is not None:
+        neck = _open_neck(front, back, counts, copies)
+        add_collar(pattern, form, cut.collar, neck, level, edge_length_m)
     if cut.sleeve_x is not None and cut.sleeve is not None:
         for side in ("left", "right"):
             _sleeve(pattern, form, (cut.sleeve_x, cut.sleeve), side, edge_length_m)
@@ -282,15 +293,16 @@ def _borders(
         yield ids[top, b : n.half - n.bottom + 1], seam[::-1]
 
 
-def _lifter(form: DressForm, cut: UpperCut, underarm: float) -> Constraint:
-    """A function that keeps points off the dress form, further where there is more ease."""
+def _leveller(
+    form: DressForm, cut: UpperCut, underarm: float
+) -> Callable[[np.ndarray], np.ndarray]:
+    """A function from points (P, 3) to distances (P,) off the form: more where there is ease."""
     top = form.landmarks["shoulder"]
 
-    def lift(points: np.ndarray) -> np.ndarray:
-        share = smoothstep((top - points[:, 2]) / (top - underarm))
-        return form.upper.lift(points, GAP_M + cut.ease * share)
+    def level(points: np.ndarray) -> np.ndarray:
+        return GAP_M + cut.ease * smoothstep((top - points[:, 2]) / (top - underarm))
 
-    return lift
+    return level
 
 
 def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Counts) -> None:
@@ -316,23 +328,32 @@ def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Count
     )
 
 
-def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts, e: float) -> None:
-    """One front panel, or two that part along the middle (a polo's placket, an open shirt)."""
+def _front_panels(
+    pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts, e: float
+) -> np.ndarray:
+    """One front panel, or two that part along the middle: a polo's placket, a shirt's fronts.
+
+    Returns:
+        Copies of the middle column's vertices where it is parted, from the lowest to the highest.
+    """
     middle = n.half // 2
     if cut.front == "closed":
         pattern.add_panel(front, middle)
-        return
+        return np.zeros(0, dtype=int)
     column = front[:, middle]
     exists = np.flatnonzero(column >= 0)
-    joined = 0
-    if cut.front == "polo":
-        joined = int(max(n.rows // 2, exists[-1] - max(2, round(cut.placket / e))))
-    parted = exists[exists > joined] if cut.front == "polo" else exists
     points = pattern.vertices
+    away = np.full(len(exists), np.inf)  # rows from where the fronts are joined
+    if cut.front != "open":
+        high = int(max(n.rows // 2, exists[-1] - max(2, round(cut.placket / e))))
+        low = int(np.sum(points[column[exists], 2] < cut.below)) if cut.front == "buttoned" else 0
+        low = min(low, high)
+        away = np.maximum(exists - high, low - exists).astype(float)
+    parted = exists[away > 0]
+    away = away[away > 0]
     copies = pattern.add_vertices(points[column[parted]])
     points = pattern.vertices
-    depth = np.arange(1, len(parted) + 1) / len(parted)
-    gap = 0.002 + 0.006 * depth if cut.front == "polo" else 0.012 + 0 * depth
+    gap = 0.002 + 0.006 * np.minimum(away * e / _PARTS_M, 1.0)
     points[copies, 0] += gap / 2
     points[column[parted], 0] -= gap / 2
     pattern.vertices = points
@@ -341,6 +362,21 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
     pattern.add_panel(right, middle)
     pattern.add_panel(left, 0)
     pattern.marks["placket"] = np.concatenate([column[parted], copies])
+    return copies
+
+
+def _open_neck(front: np.ndarray, back: np.ndarray, n: _Counts, copies: np.ndarray) -> np.ndarray:
+    """Ids of a neckline that is parted in front, from the left edge round the back to the right."""
+    first, last = n.bottom + n.shoulder, n.half - n.bottom - n.shoulder
+    lines = []
+    for grid, notch in ((front, n.front_notch), (back, n.back_notch)):
+        sides = grid[len(grid) - 1 - notch :, first][::-1], grid[len(grid) - 1 - notch :, last]
+        low = grid[len(grid) - 1 - notch, first + 1 : last]
+        lines.append(np.concatenate([sides[0], low, sides[1]]))
+    middle = len(lines[0]) // 2
+    return np.concatenate(
+        [copies[-1:], lines[0][middle + 1 :], lines[1][1:-1], lines[0][: middle + 1]]
+    )
 
 
 def _sleeve(
@@ -368,7 +404,7 @@ def _sleeve(
         outline = limb_loop(arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
         # Cloth lies on top of the arm; what it is wider hangs below.
         outline[:, 1] -= 0.75 * (extra - GAP_M)
-        blend = smoothstep((mean - start[:, 0].mean()) / 0.14)
+        blend = smoothstep((mean - start[:, 0].mean()) / 0.1)
         plane = start[:, 1:] + blend * (outline - start[:, 1:])
         grid.append(np.column_stack([sign * x, plane]))
     ids = np.concatenate([loop[None], pattern.add_vertices(np.stack(grid))])

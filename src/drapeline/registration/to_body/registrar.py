@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
@@ -22,6 +23,7 @@ from drapeline.geometry.mesh import (
     face_normals,
     faces_within,
     triangulate,
+    vertex_normals,
 )
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
@@ -34,6 +36,8 @@ from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, write_json
 
+_TURNED_OVER = -0.2  # cosine between the normals of cloth and body
+_COLLAR_M = 0.2  # below the highest cloth
 LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
 
 
@@ -140,7 +144,7 @@ class Registrar:
     def register(
         self, name: str, vertices: np.ndarray, faces: np.ndarray, body: np.ndarray
     ) -> RegisteredGarment:
-        """Register one garment.
+        """Register one garment, but for what is folded over it, such as the fall of a collar.
 
         Args:
             name: its type, one of `GARMENTS`.
@@ -152,18 +156,32 @@ class Registrar:
             InputError: no body vertex lies under the garment.
         """
         garment = np.asarray(vertices, dtype=np.float64)
-        triangles = triangulate(faces)
+        triangles = _single_layer(garment, triangulate(faces), body, self._body.faces)
         mesh, target = self._body, body
         if name in SKIRTS:
             mesh = self._skirt
             target = self._tube(body, garment, np.unique(boundary_edges(triangles)))
         surface = TargetSurface(target, mesh.faces, self._settings.turn_m)
-        laid = fit_to_surface(garment, triangles, surface, self._settings)
+        used, corners = np.unique(triangles, return_inverse=True)
+        corners = corners.reshape(triangles.shape)
+        laid = garment.copy()
+        laid[used] = fit_to_surface(garment[used], corners, surface, self._settings)
         match = correspond(target, mesh, laid, triangles)
         if not match.mask.any():
             raise InputError(f"{name}: covers no part of the body, expected a garment in its place")
         measures = round_trip(garment, triangles, body, mesh.faces, match)
         return RegisteredGarment(laid, match, match.offsets(garment, body), measures)
+
+
+def _single_layer(
+    garment: np.ndarray, triangles: np.ndarray, body: np.ndarray, faces: np.ndarray
+) -> np.ndarray:
+    """Triangles (G, 3) without those at the top that lie on the body with their inner side out."""
+    there, middles = np.unique(faces), garment[triangles].mean(axis=1)
+    _, nearest = KDTree(body[there]).query(middles)
+    out = vertex_normals(body, faces)[there[nearest]]
+    turned = (face_normals(garment, triangles) * out).sum(axis=1) < _TURNED_OVER
+    return triangles[~turned | (middles[:, 2] < middles[:, 2].max() - _COLLAR_M)]
 
 
 def register_shard(

@@ -158,11 +158,11 @@ def _template(
 
 def _middle_numbers(garment: str) -> dict[str, Any]:
     """Every number of a garment in the middle of its range; plain cloth without folds."""
-    ranges = OutfitRanges()
+    spans = {field.name: getattr(OutfitRanges(), field.name) for field in fields(OutfitRanges)}
     middle = {
-        field.name: float(np.mean(getattr(ranges, field.name)))
-        for field in fields(ranges)
-        if isinstance(getattr(ranges, field.name), tuple)
+        name: float(np.mean(span))
+        for name, span in spans.items()
+        if isinstance(span, tuple) and not isinstance(span[0], str)
     }
     garment_type = GARMENT_TYPES[garment]
     parts: dict[str, dict[str, Any]] = {}
@@ -172,8 +172,9 @@ def _middle_numbers(garment: str) -> dict[str, Any]:
         numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
         numbers |= {"front": "closed"}
         if garment_type.sleeve_chance:
-            names = ("neck_width_m", "drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2")
+            names = ("drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2")
             numbers |= {name: middle[name] for name in (*names, "sleeve_offset", "sleeve_w0")}
+            numbers |= {"neck_width_m": middle["neck_width_crew_m"]}
         else:
             numbers |= {name: middle[name] for name in ("strap_m", "scye_m")}
             numbers |= {"neck_width_m": middle["strap_neck_m"], "drop_m": middle["top_drop_m"]}

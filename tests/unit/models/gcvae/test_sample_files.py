@@ -5,6 +5,7 @@ import struct
 import numpy as np
 
 from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
 from drapeline.models.gcvae.sample import load_samples, sample_garments, save_samples
 from toys.gcvae_files import requests
@@ -13,11 +14,14 @@ from toys.gcvae_files import requests
 def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
     bodies = dict.fromkeys(GENDERS, toy_body)
     sampled = sample_garments(model, types, requests(3), seed=0, settle=False)
-    save_samples(tmp_path / "out", sampled, bodies, model.body_template.faces["body"])
+    mesh = sampled[1].mesh
+    hung = {sampled[1].name: Mesh(mesh.vertices - np.float32([0, 0, 0.1]), mesh.faces)}
+    save_samples(tmp_path / "out", sampled, bodies, model.body_template.faces["body"], hung)
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {f"0000{i}.{e}" for i in (1, 2, 3) for e in ("obj", "glb")} | {
         "samples.tsv",
         "codes.npz",
+        "hung",
     }
     with open(tmp_path / "out/samples.tsv") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
@@ -35,3 +39,5 @@ def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
         assert saved.asked == (sample.request.garment != "prior")
         np.testing.assert_array_equal(saved.cvar, sample.request.cvar)
         np.testing.assert_allclose(saved.mesh.vertices, sample.mesh.vertices, atol=1e-6)
+        hanging = hung.get(sample.name, sample.mesh)
+        np.testing.assert_allclose(saved.hung.vertices, hanging.vertices, atol=1e-6)

@@ -133,7 +133,7 @@ def outfit(shell, shift=0.0):
     vertices, faces, *_ = shell
     empty = np.zeros(0, np.float32)
     garment = Garment(
-        "Top", (vertices + shift).astype("f4"), faces, empty, empty, pin=empty, elastic=empty
+        "Top", (vertices + shift).astype("f4"), faces, empty, empty, empty, empty, empty
     )
     return Outfit((garment,), SHAPE, np.zeros(2), np.array([-0.3, 0.4]), "female")
 
@@ -168,3 +168,20 @@ def test_a_shard_has_a_row_per_garment_and_names_the_outfit_that_fails(registrar
     shard.append(StaticOutfit("s00002", "test", outfit(shell, shift=3.0)))
     with pytest.raises(InputError, match="outfit s00002: Top: covers no part"):
         register_shard(registrar, shard, refined.bodies)
+
+
+def test_what_is_turned_over_at_the_top_is_not_registered(registrar, shell):
+    """As the fall of a collar: a strip above the shell that comes down outside of it."""
+    vertices, faces, body, _ = shell
+    plain = registrar.register("Top", vertices, faces, body)
+    top = vertices[:, 2].max()
+    high = np.flatnonzero(vertices[:, 2] > top - 0.03)
+    inner = faces[np.isin(faces, high).all(axis=1)]
+    assert len(inner)
+    axis = vertices.mean(axis=0) * [1, 1, 0]
+    fall = vertices + 0.01 * (vertices - axis) / np.linalg.norm(vertices - axis, axis=1)[:, None]
+    folded = np.concatenate([vertices, fall])
+    both = np.concatenate([faces, inner[:, ::-1] + len(vertices)])
+    done = registrar.register("Top", folded, both, body)
+    np.testing.assert_array_equal(done.match.mask, plain.match.mask)
+    np.testing.assert_allclose(done.offsets, plain.offsets, atol=1e-6)

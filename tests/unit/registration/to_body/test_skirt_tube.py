@@ -5,6 +5,7 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.geometry.mesh import boundary_edges, edges, triangulate, vertex_normals
+from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.registrar import Registrar
@@ -30,6 +31,7 @@ def skirt(toy_body):
         shape=np.zeros(10),
         outfit_type="Skirt",
         edge_length_m=0.025,
+        ranges=OutfitRanges(fits=("regular",), skirt_length=(0.5, 0.6)),
     )
     return outfit.garments[0]
 

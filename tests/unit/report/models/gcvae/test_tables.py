@@ -32,7 +32,7 @@ def metrics(tmp_path):
         row("mean_garment", "all", "surface_error_mm", 11.1),
         *(
             row("dvae_unposed_4", garment, metric, value + k)
-            for k, garment in enumerate(GARMENTS)
+            for k, garment in enumerate(GARMENTS[:6])  # CLOTH3D's
             for metric, value in (("surface_error_mm", 20.0), ("normal_error_deg", 30.0))
         ),
         row("dvae_unposed_4", "all", "surface_error_mm", 21.5, n=900),
