@@ -126,6 +126,7 @@ PRIOR = "prior"
 _DRAWS_MAX = 5  # codes tried per garment
 
 # A sound garment's vertices: in one piece, and deeper than 1 cm in the body.
+_FALLEN_M = 0.1  # on average, of a garment that nothing carries
 _ONE_PIECE_SHARE_MIN, _DEEP_SHARE_MAX = 0.95, 0.01
 
 
@@ -462,7 +463,7 @@ def sample_garments_of_codes(job: Job) -> None:
     sampled = sample_garments(model, types, requests, params.seed, settle=params.settle)
     faces, bodies = model.body_template.faces["body"], load_bodies(given)
     draper = job_draper(job, params.hang_frames)
-    hung = {} if draper is None else _hang(sampled, bodies, draper)
+    hung = {} if draper is None else hang_samples(sampled, bodies, draper)
     rows = save_samples(job.output[0], sampled, bodies, faces, hung)
     good = sum(float(row["inside_1cm_share"]) <= 0.05 for row in rows)
     LOGGER.info(
@@ -470,10 +471,10 @@ def sample_garments_of_codes(job: Job) -> None:
     )
 
 
-def _hang(
+def hang_samples(
     sampled: Sequence[SampledGarment], bodies: Mapping[str, BodyModel], draper: SolverDraper
 ) -> dict[str, Mesh]:
-    """Name -> a garment that has hung on its wearer at rest, where its simulation succeeded."""
+    """Name -> a garment that has hung on its wearer at rest, where it stays on."""
     hung = {}
     for sample in progress(sampled, total=len(sampled), label="garments"):
         request = sample.request
@@ -486,6 +487,11 @@ def _hang(
             np.zeros(3),
             np.array([0.0, 0.0, 1.0]),
         )
-        if draped:
-            hung[sample.name] = draped[sample.garment].posed
+        if not draped:
+            continue
+        rest, posed = draped[sample.garment]
+        if (rest.vertices - posed.vertices)[:, 2].mean() > _FALLEN_M:
+            LOGGER.info("%s stays as it was decoded: it falls off", sample.name)
+        else:
+            hung[sample.name] = posed
     return hung

@@ -7,7 +7,13 @@ import numpy as np
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
-from drapeline.models.gcvae.sample import load_samples, sample_garments, save_samples
+from drapeline.models.gcvae.sample import (
+    hang_samples,
+    load_samples,
+    sample_garments,
+    save_samples,
+)
+from drapeline.outfits.worn import DrapedSheet
 from toys.gcvae_files import requests
 
 
@@ -41,3 +47,20 @@ def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
         np.testing.assert_allclose(saved.mesh.vertices, sample.mesh.vertices, atol=1e-6)
         hanging = hung.get(sample.name, sample.mesh)
         np.testing.assert_allclose(saved.hung.vertices, hanging.vertices, atol=1e-6)
+
+
+def test_garments_that_fall_off_are_shown_as_they_were_decoded(model, types, toy_body):
+    sampled = sample_garments(model, types, requests(3), seed=0, settle=False)
+    sinks = dict(zip((one.name for one in sampled), (0.02, 0.3, None), strict=True))
+    asked = iter(sinks.values())
+
+    def draper(sheets, body, gender, shape, pose, trans, up):
+        sink = next(asked)
+        return {
+            name: DrapedSheet(mesh, Mesh(mesh.vertices - np.float32([0, 0, sink]), mesh.faces))
+            for name, mesh in sheets.items()
+            if sink is not None
+        }
+
+    hung = hang_samples(sampled, dict.fromkeys(GENDERS, toy_body), draper)
+    assert list(hung) == [sampled[0].name]
