@@ -65,6 +65,7 @@ def hang(
         mean_edge_length(vertices, faces),
         fabric,
         np.zeros(len(vertices)),
+        np.ones(len(vertices)),
         _Held(held, vertices),
     )
     attempt = Attempt(

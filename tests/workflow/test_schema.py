@@ -7,7 +7,7 @@ import yaml
 
 from drapeline.experiment.config import fill_settings
 from drapeline.outfits.fabrics import FABRICS
-from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
+from drapeline.outfits.garment_types import CLOTH3D_OUTFITS, GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
 from drapeline.outfits.settings import OPENINGS
 from drapeline.registration.to_template.garment_template import LOOP_NAMES
 from toys.schema import SCHEMA
@@ -60,7 +60,8 @@ def test_every_garment_type_and_outfit_can_be_asked_for():
     outfits, gcvae, garment4d = (
         SCHEMA["properties"][name]["properties"] for name in ("outfits", "gcvae", "garment4d")
     )
-    assert outfits["types"]["items"]["enum"] == outfits["types"]["default"] == [*OUTFIT_TYPES]
+    assert outfits["types"]["items"]["enum"] == [*OUTFIT_TYPES]
+    assert outfits["types"]["default"] == [*CLOTH3D_OUTFITS]
     assert list(outfits["own_garments"]["properties"]) == [*GARMENTS]
     for worn in outfits["own_garments"]["properties"].values():
         assert worn["properties"]["fabric"]["enum"] == [*FABRICS, None]

@@ -140,7 +140,7 @@ def _provenance(records: Sequence[SampleRecord]) -> str:
     return (
         "Motion capture drives a parametric body with a random shape per sequence. A random outfit"
         " is cut, fitted to the body in rest pose and simulated as cloth that collides with the"
-        f" body,{floor} with itself and with the other garment. Every random number used is"
+        f" body,{floor} with itself and with other garments. Every random number used is"
         " recorded in the sample's `extras/meta.json`.\n\n"
         f"- Body models: {_join(models)}\n"
         f"- Cloth solvers: {_join(solvers)}\n"
@@ -197,7 +197,8 @@ radians, Z is up.
 What CLOTH3D does not have is in `{split}/{id}/extras/`: `{Garment}.f32` (the same vertices in
 single precision, without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is
 needed; in motion it is the one that the cloth met, where overlapping parts of the posed body are
-pressed apart), `Body.npz` and `{Garment}.npz` (what collided, elastics, held vertices),
+pressed apart), `Body.npz` and `{Garment}.npz` (what collided, elastics, held
+vertices, stiff bands),
 `health.npz` (measures of every frame), `meta.json` and `manifest.tsv`. Tables: `samples.tsv`,
 `status.tsv`, `statistics_*.tsv`. `manifest.tsv` lists size and SHA-256 sum of every file."""
 
@@ -211,8 +212,8 @@ _LIMITS = """\
   applied during simulation, so cloth may touch it near the armpits and the crotch. Limbs that were
   left out of a simulation are named in `status.tsv`.
 - Simulated cloth is not free of penetrations; the health table above quantifies them.
-- Bodies have no hair, no soft tissue and no facial expression, and garments no seams, pockets or
-  buttons."""
+- Bodies have no hair, no soft tissue and no facial expression. Seams, pockets and buttons are drawn
+  on garments' pictures, and are no geometry."""
 
 
 def _licence(records: Sequence[SampleRecord]) -> str:

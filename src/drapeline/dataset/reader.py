@@ -357,9 +357,10 @@ class Sample:
     def masks(self, name: str) -> dict[str, np.ndarray]:
         """What is said of the vertices of a garment, or of "Body"; nothing if nothing is stored.
 
-        A garment has `elastic` and `held` (V,) float32, 0-1: how much of an elastic a vertex has,
-        and how firmly it was held. The body has `collides` (V,) bool, and where its parts were
-        pressed apart: `fix_delta` (m, 3) metres, `fix_frame` and `fix_vertex` (m,).
+        A garment has `elastic`, `held` and `band` (V,) float32, 0-1: how much of an elastic a
+        vertex has, how firmly it was held, and how much of a stiff band it is. The body has
+        `collides` (V,) bool, and where its parts were pressed apart: `fix_delta` (m, 3) metres,
+        `fix_frame` and `fix_vertex` (m,).
 
         Raises:
             InputError: the file is damaged.

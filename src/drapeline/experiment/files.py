@@ -9,6 +9,7 @@ from drapeline.experiment.checks import require_splits
 from drapeline.experiment.groups import PlannedGroup
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
+from drapeline.outfits.garment_types import GARMENT_TYPES
 
 # Only what evaluates reads these splits, nothing that trains.
 EVALUATED_SPLITS = ("test",)
@@ -121,8 +122,15 @@ class ExperimentFiles:
 
     @cached_property
     def scanned(self) -> list[str]:
-        """Held-out samples whose scans all models are fitted to."""
-        return self.first_of_split(self.config["scans"]["count"], EVALUATED_SPLITS[0])
+        """Held-out samples whose scans all models are fitted to.
+
+        A jacket leaves too little to see of what is worn beneath it.
+        """
+
+        def is_seen(plan: SamplePlan) -> bool:
+            return not any(GARMENT_TYPES[name].outer for name in plan.outfit_type.split("+"))
+
+        return self.first_of_split(self.config["scans"]["count"], EVALUATED_SPLITS[0], is_seen)
 
     def per_shard(self, pattern: str, groups: Iterable[PlannedGroup]) -> list[str]:
         """What a pattern stands for in all shards of groups."""

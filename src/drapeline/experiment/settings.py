@@ -13,7 +13,12 @@ from drapeline.dataset.settings import ScanSettings
 from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.frames import GENDERS
 from drapeline.generation.settings import BodySettings, OutfitSettings
-from drapeline.outfits.garment_types import EVEN_OUTFIT_TYPES, GARMENTS, OUTFIT_TYPES
+from drapeline.outfits.garment_types import (
+    CLOTH3D_OUTFITS,
+    EVEN_OUTFIT_TYPES,
+    GARMENTS,
+    OUTFIT_TYPES,
+)
 from drapeline.outfits.settings import OwnGarmentFiles
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
@@ -103,7 +108,7 @@ class Outfits(OutfitSettings):
     """What bodies wear."""
 
     types: tuple[_Outfit, ...] = Field(
-        OUTFIT_TYPES,
+        CLOTH3D_OUTFITS,
         min_length=1,
         description="Outfits to take turns over; one that is listed twice gets two turns.",
     )

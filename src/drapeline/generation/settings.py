@@ -65,14 +65,18 @@ class OutfitSettings(Settings):
         description="Garments that would have fewer vertices get shorter edges.",
     )
     tightness_range: tuple[_Tightness, _Tightness] = Field(
-        (-1.5, 0.5), description="Both tightness values are drawn uniformly from this range."
+        (-1.5, 0.5),
+        description=(
+            "Both tightness values are drawn uniformly from this range; a fit has a third of it "
+            "for the second one, which changes girths most."
+        ),
     )
     fits: tuple[Annotated[str, OneOf(FITS)], ...] = Field(
         FITS,
         min_length=1,
         description=(
-            "Fits to draw from: each has a third of `tightness_range` and of the ranges of ease "
-            "and width. One that is listed twice is drawn twice as often."
+            "Fits to draw from: each has a third of the ranges of ease and width, and of the "
+            "second tightness. One that is listed twice is drawn twice as often."
         ),
     )
     fabrics: Annotated[tuple[Annotated[str, OneOf(tuple(FABRICS))], ...], EachOnce()] = Field(
@@ -89,6 +93,7 @@ class OutfitSettings(Settings):
         le=1,
         description=(
             "Probability of elastic cuffs, of elastic hems of trouser legs, and of an elastic "
-            "waist in full-body garments. Legs that are fitted have none but of jersey and fleece."
+            "waist in full-body garments. Legs that are fitted have none unless the fabric "
+            "stretches."
         ),
     )

@@ -71,7 +71,7 @@ class OutfitRanges:
     skirt_flutes: Range = (5.0, 11.0)  # folds per metre of hem
     skirt_fullness: Range = (0.02, 0.06)  # their depth
     fullness: Range = (0.0, 0.012)  # excess of cloth around the body, as a share, in soft folds
-    tightness: Range = (-1.5, 0.5)  # both terms of gamma
+    tightness: Range = (-1.5, 0.5)  # both terms of gamma; a fit has a third for the second
     elastic_chance: float = 0.5  # for sleeves, for legs, and for the waist of full-body garments
     fits: tuple[str, ...] = FITS  # to draw from
     # What jackets have instead: room for what is worn beneath.
@@ -125,7 +125,7 @@ def sample_upper(
         outer: whether it is a jacket.
     """
     own: Mapping[str, Any] = ranges.jacket if outer else {}
-    r = replace(ranges, **own)
+    r = replace(ranges, **own).of_fit(ranges.fits[0]) if outer else ranges
     front = "open" if outer else _sample_front(rng, r, opens=opens) if sleeves else "closed"
     neckline = "v" if outer else "crew"
     if front == "closed":

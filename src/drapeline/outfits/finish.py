@@ -70,6 +70,11 @@ class _Map:
     sleeves: np.ndarray
     legs: np.ndarray
 
+    @property
+    def leg_panels(self) -> np.ndarray:
+        """Numbers of the panels that end at a leg's hem."""
+        return np.unique(self.panel[self.legs])
+
     @classmethod
     def of(cls, garment: Garment) -> "_Map":
         uv_faces, faces, points = garment.uv_faces, garment.faces, garment.vertices
@@ -226,6 +231,7 @@ class _Pen:
 
 def _draw_seams(pen: _Pen, map_: _Map) -> None:
     pen.seam(map_.seams)
+    pen.seam(map_.front[np.isin(map_.panel[map_.front[:, 0]], map_.leg_panels)])
     if pen.topstitched:
         pen.stitch(map_.seams, *_TOPSTITCH_M)
 
@@ -262,10 +268,18 @@ def _draw_placket(pen: _Pen, map_: _Map, numbers: Mapping[str, Any]) -> None:
     pen.buttons(rows, levels, _PLACKET_M / 2, _SMALL_BUTTON_M)
 
 
-def _of_left(pen: _Pen, map_: _Map) -> np.ndarray:
-    """(n, 2) edges in the middle of the front that are of the wearer's left panel."""
+def _of_left(pen: _Pen, map_: _Map, *, legs: bool = False) -> np.ndarray:
+    """(n, 2) edges in the middle of the front that are of the wearer's left panel.
+
+    Args:
+        legs: whether of a leg's panel, or else of the trunk's.
+    """
     panel = map_.panel[map_.front[:, 0]]
-    left = [number for number in np.unique(panel) if pen.points[map_.panel == number, 0].mean() > 0]
+    left = [
+        number
+        for number in np.unique(panel)
+        if pen.points[map_.panel == number, 0].mean() > 0 and (number in map_.leg_panels) == legs
+    ]
     # A collar's ends are higher.
     lowest = {number: pen.points[map_.front[panel == number], 2].min() for number in left}
     return map_.front[panel == min(left, key=lowest.__getitem__)] if left else map_.front[:0]
@@ -286,14 +300,13 @@ def _pocket(left: float, top: float, wide: float, high: float) -> list[tuple[flo
 
 
 def _finish_trousers(pen: _Pen, map_: _Map) -> None:
-    pen.seam(map_.front)
     pen.band(map_.top, _WAISTBAND_M)
     if pen.soft:
         return
     pen.stitch(map_.top, _EDGE_STITCH_M)
     waist = pen.points[np.ravel(map_.top)]
     level, half = float(waist[:, 2].mean()), float(np.abs(waist[:, 0]).max())
-    edges = _of_left(pen, map_)
+    edges = _of_left(pen, map_, legs=True)
     if len(edges):
         rows = np.unique(edges)
         top = int(rows[np.argmax(pen.points[rows, 2])])

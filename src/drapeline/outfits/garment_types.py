@@ -55,7 +55,8 @@ OUTFIT_TYPES = (
     *("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit"),
     *("Tshirt+Trousers+Jacket", "Top+Trousers+Jacket", "Top+Skirt+Jacket"),
 )
-# With this list, all types of garments are worn equally often.
+CLOTH3D_OUTFITS = OUTFIT_TYPES[:6]
+# With this list, all of CLOTH3D's types of garments are worn equally often.
 EVEN_OUTFIT_TYPES = (
     *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
     *("Tshirt+Skirt", "Dress", "Top+Trousers", "Jumpsuit"),

@@ -43,6 +43,7 @@ from drapeline.seeding import rng_for
 
 BODY_GAP_M = 0.004
 _BEYOND_EDGES = 1.5  # by which jackets keep off what the open edges of other garments go on to
+_LAYER_SHARE = 0.3  # likewise, between jackets and what is worn beneath
 _GAP_SHARE = 0.2  # of an edge, where that is more: edges are chords of what they lie on
 LAYER_GAP_M = 0.006
 _HEM_OVER_SKIRT = 0.5
@@ -167,9 +168,10 @@ def sample_outfit(
         InputError: a user's garment is unusable.
     """
     ranges = ranges or OutfitRanges()
-    ranges = ranges.of_fit(str(rng.choice(ranges.fits)))
+    whole, ranges = ranges, ranges.of_fit(str(rng.choice(ranges.fits)))
     numbers = sample_numbers(rng, outfit_type, ranges, fabrics)
-    tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
+    # The second term is the one of girth.
+    tightness = np.array([uniform(rng, whole.tightness), uniform(rng, ranges.tightness)])
     return make_outfit(
         numbers,
         templates,
@@ -212,32 +214,36 @@ def make_outfit(
     garments: list[Garment] = []
     for name, attributes in numbers:
         if own and name in own:
-            garment, separate, collar = _from_file(own[name], name, attributes, body), None, None
+            garment, pattern = _from_file(own[name], name, attributes, body), None
         else:
             garment, pattern = _from_template(
                 name, attributes, templates.form, edge_length_m, vertices_min
             )
-            separate = separator(pattern, _TIGHT_LEGS_M)
-            collar = pattern.marks.get("collar")
+        separate = separator(pattern, _TIGHT_LEGS_M) if pattern else None
+        collar = pattern.marks.get("collar") if pattern else None
         points = garment.vertices
         average = averaging_matrix(garment.faces, len(points))
         edge_m = mean_edge_length(points, garment.faces)
         passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resize(points, average, mean_body, target, passes)
         gap_m = max(BODY_GAP_M, _GAP_SHARE * edge_m)
-        above = LAYER_GAP_M if GARMENT_TYPES[name].outer else 0.0
-        points = lay_on(points, solid, garment.pin > 0, gap_m + above, collar)
+        layer_m = LAYER_GAP_M
+        if pattern is not None:
+            above = 0.0
+            if GARMENT_TYPES[name].outer:
+                above = layer_m = max(LAYER_GAP_M, _LAYER_SHARE * edge_m)
+            points = lay_on(points, solid, garment.pin > 0, gap_m + above, collar)
         points = leave_body(points, average, solid, gap_m, separate)
         for inner in garments:
             worn = inner.vertices.astype(float)
             if GARMENT_TYPES[name].outer:  # over sleeves too
                 sheet = Mesh(worn, triangulate(inner.faces))
                 over = push_over(
-                    points, average, sheet, gap_m=LAYER_GAP_M, beyond_m=_BEYOND_EDGES * edge_m
+                    points, average, sheet, gap_m=layer_m, beyond_m=_BEYOND_EDGES * edge_m
                 )
                 if collar is not None:
                     over[collar[1:]] = points[collar[1:]] + (over - points)[collar[0]]
-                points = over
+                points = leave_body(over, average, solid, gap_m)
             else:
                 points = lay_over(points, average, worn, axis_y, LAYER_GAP_M)
         garments.append(replace(garment, vertices=points.astype(np.float32)))

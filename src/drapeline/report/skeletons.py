@@ -30,7 +30,9 @@ def plot_skeleton(path: str | Path, take: Take, joint_map: JointMap) -> None:
     source = joint_map.indices(take)
     place = take.positions[_straightest_frame(take.positions, source)]
     left, up, forward = body_frame(place, source, take.source)
-    driven = {index: joint for joint, index in source.items()}
+    driven: dict[int, str] = {}
+    for joint, index in source.items():
+        driven[index] = f"{driven[index]}, {joint}" if index in driven else joint
     height = place @ up
     margin = 0.05 * np.ptp(height)
     # Somebody who is seen from the front has the left hand on the picture's right.

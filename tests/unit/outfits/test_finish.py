@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import label
+from scipy.spatial import KDTree
 
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.finish import draw_cloth
@@ -88,6 +89,23 @@ def test_buttons_run_down_the_front_of_a_shirt_and_end_with_a_polos_opening(toy_
         counts[front] = discs(picture, ivory)
     assert counts["closed"] == 0
     assert 1 <= counts["polo"] < counts["buttoned"]
+
+
+def test_a_polo_jumpsuit_has_its_buttons_on_the_chest(toy_body, templates):
+    dark, ivory = [0.1, 0.1, 0.25], (0.92, 0.89, 0.82)
+    polo = {"buttoned_chance": 0.0, "polo_chance": 1.0, "collar_chance": 1.0}
+    for seed in range(20):
+        suit = made(toy_body, templates, "Jumpsuit", "linen", seed, **polo)["Jumpsuit"]
+        if suit.attributes["parameters"]["upper"]["front"] == "polo":
+            break
+    picture = draw_cloth(in_colour(suit, dark), 2048)
+    near = np.argwhere(np.abs(picture / 255 - ivory).max(axis=-1) < 0.02)
+    assert len(near)
+    places = suit.uv * [2047, -2047] + [0, 2047]
+    corner = np.zeros(len(suit.uv), dtype=int)
+    corner[suit.uv_faces.ravel()] = suit.faces.ravel()
+    _, row = KDTree(places[:, ::-1]).query(near)
+    assert (suit.vertices[corner[row], 2] > suit.vertices[:, 2].max() - 0.35).all()
 
 
 def test_jeans_are_stitched_in_orange_and_have_pockets_that_sweatpants_lack(toy_body, templates):

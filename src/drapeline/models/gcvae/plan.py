@@ -296,7 +296,7 @@ class _GcvaeTasks:
         """Garments of codes that are drawn."""
         asked, config = self.settings["sampling"], self.files.config
         keys = ("count", "female_share", "shape", "tightness")
-        plans = self.files.resting_plans.values()
+        plans = [p for p in self.files.resting_plans.values() if p.split == "train"]
         worn = {name for plan in plans for name in plan.outfit_type.split("+")}
         return {
             "sampled": Task(

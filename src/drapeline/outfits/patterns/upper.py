@@ -21,6 +21,7 @@ from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.width_profile import WidthLine
 
 GAP_M = 0.005  # cloth to dress form
+_LEAST_JOINED = 2  # rows that a shirt with buttons keeps closed
 _PARTS_M = 0.1  # from where fronts are joined to where they are 8 mm apart
 
 
@@ -347,7 +348,7 @@ def _front_panels(
     if cut.front != "open":
         high = int(max(n.rows // 2, exists[-1] - max(2, round(cut.placket / e))))
         low = int(np.sum(points[column[exists], 2] < cut.below)) if cut.front == "buttoned" else 0
-        low = min(low, high)
+        low = max(min(low, high - _LEAST_JOINED), 0)
         away = np.maximum(exists - high, low - exists).astype(float)
     parted = exists[away > 0]
     away = away[away > 0]

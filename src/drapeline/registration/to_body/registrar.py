@@ -37,6 +37,7 @@ from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, write_json
 
 _TURNED_OVER = -0.2  # cosine between the normals of cloth and body
+_FALL_M2 = 0.008  # least area of what is turned over; collars have 0.02 and more
 _COLLAR_M = 0.2  # below the highest cloth
 LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
 
@@ -181,7 +182,16 @@ def _single_layer(
     _, nearest = KDTree(body[there]).query(middles)
     out = vertex_normals(body, faces)[there[nearest]]
     turned = (face_normals(garment, triangles) * out).sum(axis=1) < _TURNED_OVER
-    return triangles[~turned | (middles[:, 2] < middles[:, 2].max() - _COLLAR_M)]
+    turned &= middles[:, 2] > middles[:, 2].max() - _COLLAR_M
+    chosen = triangles[turned]
+    # Necklines and straps that stand off a little turn a triangle here and there.
+    pairs = chosen[:, [0, 1, 0, 2]].reshape(-1, 2)
+    _, piece = connected_components(edge_graph(pairs, len(garment)), directed=False)
+    sides = garment[chosen[:, 1:]] - garment[chosen[:, :1]]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
+    folded = np.bincount(piece[chosen[:, 0]], area, len(piece))[piece[chosen[:, 0]]] > _FALL_M2
+    turned[turned] = folded
+    return triangles[~turned]
 
 
 def register_shard(

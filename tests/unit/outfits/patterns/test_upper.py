@@ -90,3 +90,20 @@ def test_wider_sleeves_have_longer_cuffs(templates, upper_numbers):
         cuff = pattern.vertices[pattern.marks["left_cuff"]]
         lengths.append(curve_length(np.concatenate([cuff, cuff[:1]])))
     assert lengths[1] > lengths[0] + 0.02
+
+
+@pytest.mark.parametrize("edge_m", [0.045, 0.035, 0.02])
+@pytest.mark.parametrize("hem", [0.1, 1.0])
+@pytest.mark.parametrize("open_below", [-0.6, 0.6])
+@pytest.mark.parametrize("unbuttoned_m", [0.03, 0.14])
+def test_shirts_stay_closed_somewhere(
+    templates, upper_numbers, edge_m, hem, open_below, unbuttoned_m
+):
+    """However short a shirt is, and however far it is open from both ends."""
+    shirt = {"front": "buttoned", "placket_m": unbuttoned_m, "open_below": open_below, "hem": hem}
+    pattern = cut_garment(templates.form, edge_m, upper=upper_numbers | shirt)
+    assert len(boundary_loops(pattern.faces())) == 4
+    right, left = np.split(pattern.marks["placket"], 2)
+    closed = np.setdiff1d(np.flatnonzero(np.abs(pattern.vertices[:, 0]) < 1e-6), [*right, *left])
+    front = closed[pattern.vertices[closed, 1] < pattern.vertices[:, 1].mean()]
+    assert len(front) >= 3

@@ -175,7 +175,7 @@ def test_what_is_turned_over_at_the_top_is_not_registered(registrar, shell):
     vertices, faces, body, _ = shell
     plain = registrar.register("Top", vertices, faces, body)
     top = vertices[:, 2].max()
-    high = np.flatnonzero(vertices[:, 2] > top - 0.03)
+    high = np.flatnonzero(vertices[:, 2] > top - 0.12)
     inner = faces[np.isin(faces, high).all(axis=1)]
     assert len(inner)
     axis = vertices.mean(axis=0) * [1, 1, 0]

@@ -58,7 +58,7 @@ GARMENT_CLASSES = {
     "jumpsuit": GarmentClass("whole", "Jumpsuit"),
     "dress": GarmentClass("whole", "Dress"),
     "upper": GarmentClass("upper", "Tshirt"),
-    "coat": GarmentClass("upper", "Top"),
+    "coat": GarmentClass("upper", "Jacket"),
 }
 BACKGROUND, BODY, UNKNOWN = "background", "body", "unknown"
 CLASSES = (BACKGROUND, BODY, UNKNOWN, *GARMENT_CLASSES)
@@ -66,11 +66,13 @@ CLASSES = (BACKGROUND, BODY, UNKNOWN, *GARMENT_CLASSES)
 
 def class_of_garment(garment: str) -> str:
     """The class of `GARMENT_CLASSES` that a segmentation calls a garment type."""
-    region = GARMENT_TYPES[garment].region
+    kind = GARMENT_TYPES[garment]
+    if kind.outer:
+        return "coat"
     return next(
         name
         for name, (_, stands) in GARMENT_CLASSES.items()
-        if stands == garment or (region == "upper" and name == "upper")
+        if stands == garment or (kind.region == "upper" and name == "upper")
     )
 
 

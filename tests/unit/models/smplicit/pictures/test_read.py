@@ -153,7 +153,7 @@ def test_every_garment_type_has_a_class():
         "Skirt": "skirt",
         "Jumpsuit": "jumpsuit",
         "Dress": "dress",
-        "Jacket": "upper",
+        "Jacket": "coat",
     }
 
 
