@@ -29,7 +29,7 @@ SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
 SOLVER = CLOTH_SOLVERS["xpbd"].code
 # Scripts that are told of the solver that the config names.
 SIMULATE = {"simulate_outfits", "write_samples"}
-HANG = {"fit_own_scans", "fit_picture"}
+HANG = {"fit_own_scans", "fit_picture", "gcvae/sampled"}
 PLANS = {name: model.plan(files_of(ROOT / CONFIG)) for name, model in models().items()}
 TASKS = {
     f"{name}/{folder}": task

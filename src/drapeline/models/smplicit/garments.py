@@ -67,6 +67,7 @@ KINDS = {
         "long-sleeved shirt": Kind("Tshirt", {"sleeve": _LONG}),
         "long shirt": Kind("Tshirt", {"hem": (1.0, np.inf)}),
         "top": Kind("Top"),
+        "jacket": Kind("Jacket"),
     },
     "trousers": {
         "shorts": Kind("Trousers", {"leg": _SHORT}),

@@ -16,12 +16,14 @@ def test_every_model_has_properties_and_kinds_of_its_own_garments():
 
 
 def test_kinds_are_told_by_type_and_length():
-    types = np.array([GARMENTS.index(name) for name in ("Tshirt", "Tshirt", "Top", "Tshirt")])
+    types = np.array(
+        [GARMENTS.index(name) for name in ("Tshirt", "Tshirt", "Top", "Tshirt", "Jacket")]
+    )
     values = {
-        "sleeve": np.array([0.3, 0.9, 0.05, 0.55]),
-        "hem": np.array([0.7, 1.1, 0.8, 0.9]),
-        "neckline": np.array([0.1, np.nan, 0.1, 0.1]),
-        "width": np.full(4, 0.03),
+        "sleeve": np.array([0.3, 0.9, 0.05, 0.55, 0.9]),
+        "hem": np.array([0.7, 1.1, 0.8, 0.9, 1.2]),
+        "neckline": np.array([0.1, np.nan, 0.1, 0.1, 0.1]),
+        "width": np.full(5, 0.03),
     }
     members = kind_members("upper", types, values)
     assert {name: np.flatnonzero(chosen).tolist() for name, chosen in members.items()} == {
@@ -29,4 +31,5 @@ def test_kinds_are_told_by_type_and_length():
         "long-sleeved shirt": [1],
         "long shirt": [1],
         "top": [2],
+        "jacket": [4],
     }
