@@ -34,6 +34,17 @@ class ExperimentFiles:
     hanging_solver: str
 
     @property
+    def hanging(self) -> dict[str, Any]:
+        """What a task is told that lets garments hang on people, see `moving_sheets.job_draper`."""
+        return {
+            "solver": self.hanging_solver,
+            "hanging": {
+                "edge_length_m": self.config["outfits"]["edge_length_m"],
+                "simulation": self.config["simulation"]["settings"],
+            },
+        }
+
+    @property
     def results(self) -> str:
         """Folder of all of them."""
         return self.config["results"]

@@ -227,25 +227,22 @@ def make_outfit(
         passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resize(points, average, mean_body, target, passes)
         gap_m = max(BODY_GAP_M, _GAP_SHARE * edge_m)
-        layer_m = LAYER_GAP_M
+        outer = GARMENT_TYPES[name].outer
+        layer_m = max(LAYER_GAP_M, _LAYER_SHARE * edge_m) if outer else LAYER_GAP_M
         if pattern is not None:
-            above = 0.0
-            if GARMENT_TYPES[name].outer:
-                above = layer_m = max(LAYER_GAP_M, _LAYER_SHARE * edge_m)
-            points = lay_on(points, solid, garment.pin > 0, gap_m + above, collar)
+            held_m = gap_m + layer_m * outer
+            points = lay_on(points, solid, garment.pin > 0, held_m, collar)
         points = leave_body(points, average, solid, gap_m, separate)
         for inner in garments:
             worn = inner.vertices.astype(float)
-            if GARMENT_TYPES[name].outer:  # over sleeves too
-                sheet = Mesh(worn, triangulate(inner.faces))
-                over = push_over(
-                    points, average, sheet, gap_m=layer_m, beyond_m=_BEYOND_EDGES * edge_m
-                )
-                if collar is not None:
-                    over[collar[1:]] = points[collar[1:]] + (over - points)[collar[0]]
-                points = leave_body(over, average, solid, gap_m)
-            else:
-                points = lay_over(points, average, worn, axis_y, LAYER_GAP_M)
+            if not outer:
+                points = lay_over(points, average, worn, axis_y, layer_m)
+                continue
+            sheet, beyond_m = Mesh(worn, triangulate(inner.faces)), _BEYOND_EDGES * edge_m
+            over = push_over(points, average, sheet, gap_m=layer_m, beyond_m=beyond_m)
+            if collar is not None:
+                over[collar[1:]] = points[collar[1:]] + (over - points)[collar[0]]
+            points = leave_body(over, average, solid, gap_m)
         garments.append(replace(garment, vertices=points.astype(np.float32)))
     return Outfit(
         tuple(garments),

@@ -84,7 +84,7 @@ def _name_joints(
     middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
     line = np.ptp(y) / _LINES
     for sign in (1, -1):
-        rows = [j for j in driven if (_side_sign(driven[j]) or 1) == sign]
+        rows = [j for j in driven if driven[j].startswith("right") == (sign < 0)]
         edge, height = middle + sign * 1.1 * half, y.max()
         for index in sorted(rows, key=lambda j: (-y[j], sign * x[j])):
             height = min(height - line, y[index])
@@ -97,7 +97,3 @@ def _name_joints(
                 arrowprops={"arrowstyle": "-", "color": FAINT, "lw": 0.8},
                 annotation_clip=False,
             )
-
-
-def _side_sign(joint: str) -> int:
-    return {"left": 1, "right": -1}.get(joint.split("_")[0], 0)

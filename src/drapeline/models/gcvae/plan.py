@@ -312,11 +312,7 @@ class _GcvaeTasks:
                     },
                     "settle": asked["settle"],
                     "hang_frames": asked["hang_frames"],
-                    "solver": self.files.hanging_solver,
-                    "hanging": {
-                        "edge_length_m": config["outfits"]["edge_length_m"],
-                        "simulation": config["simulation"]["settings"],
-                    },
+                    **self.files.hanging,
                 },
                 seconds=600 + 20 * asked["count"],
                 megabytes=2000,

@@ -45,16 +45,11 @@ class SmplicitFiles:
 
     def draping(self, fit: str) -> dict[str, Any]:
         """What "fit_images" or "fit_scans" is told, which lets decoded garments hang on people."""
-        config = self._files.config
         return {
             "fit": self.settings[fit],
             "meshing": self.settings["meshing"],
-            "solver": self._files.hanging_solver,
-            "hanging": {
-                "edge_length_m": config["outfits"]["edge_length_m"],
-                "simulation": config["simulation"]["settings"],
-            },
-            "seed": config["seed"],
+            **self._files.hanging,
+            "seed": self._files.config["seed"],
         }
 
     def knows(self, planned: SamplePlan) -> bool:

@@ -107,10 +107,10 @@ def build_upper(
     pattern.vertices = equalise_edges(points, pattern.faces(), free, 8, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
-    copies = _front_panels(pattern, cut, front, counts, edge_length_m)
+    _front_panels(pattern, cut, front, counts, edge_length_m)
     pattern.add_panel(back, counts.half // 2)
     if cut.collar is not None:
-        neck = _open_neck(front, back, counts, copies)
+        neck = _open_neck(front, back, counts, pattern.marks["placket"][-1])
         add_collar(pattern, form, cut.collar, neck, level, edge_length_m)
     if cut.sleeve_x is not None and cut.sleeve is not None:
         for side in ("left", "right"):
@@ -329,18 +329,16 @@ def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Count
     )
 
 
-def _front_panels(
-    pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts, e: float
-) -> np.ndarray:
+def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts, e: float) -> None:
     """One front panel, or two that part along the middle: a polo's placket, a shirt's fronts.
 
-    Returns:
-        Copies of the middle column's vertices where it is parted, from the lowest to the highest.
+    "placket" marks both sides where they part, from the lowest to the highest: the right one, and
+    its copies on the left.
     """
     middle = n.half // 2
     if cut.front == "closed":
         pattern.add_panel(front, middle)
-        return np.zeros(0, dtype=int)
+        return
     column = front[:, middle]
     exists = np.flatnonzero(column >= 0)
     points = pattern.vertices
@@ -363,11 +361,14 @@ def _front_panels(
     pattern.add_panel(right, middle)
     pattern.add_panel(left, 0)
     pattern.marks["placket"] = np.concatenate([column[parted], copies])
-    return copies
 
 
-def _open_neck(front: np.ndarray, back: np.ndarray, n: _Counts, copies: np.ndarray) -> np.ndarray:
-    """Ids of a neckline that is parted in front, from the left edge round the back to the right."""
+def _open_neck(front: np.ndarray, back: np.ndarray, n: _Counts, left: int) -> np.ndarray:
+    """Ids of a neckline that is parted in front, from the left edge round the back to the right.
+
+    Args:
+        left: the upper corner of the left edge.
+    """
     first, last = n.bottom + n.shoulder, n.half - n.bottom - n.shoulder
     lines = []
     for grid, notch in ((front, n.front_notch), (back, n.back_notch)):
@@ -375,9 +376,7 @@ def _open_neck(front: np.ndarray, back: np.ndarray, n: _Counts, copies: np.ndarr
         low = grid[len(grid) - 1 - notch, first + 1 : last]
         lines.append(np.concatenate([sides[0], low, sides[1]]))
     middle = len(lines[0]) // 2
-    return np.concatenate(
-        [copies[-1:], lines[0][middle + 1 :], lines[1][1:-1], lines[0][: middle + 1]]
-    )
+    return np.concatenate([[left], lines[0][middle + 1 :], lines[1][1:-1], lines[0][: middle + 1]])
 
 
 def _sleeve(
