@@ -19,4 +19,5 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
         load_topology(snakemake.input.topology),
         {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
         (outfit for path in snakemake.input.outfits for outfit in load_static(path)),
+        snakemake.params.garments,
     )

@@ -141,7 +141,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers):
         "plot_registration",
         input={"outfits": [stages / "made"], **supers},
         output=[stages / "registration.png"],
-        params={"rays": 0.02},
+        params={"rays": 0.02, "garments": sorted(garments)},
     )
     with Image.open(stages / "registration.png") as image:
         assert image.height > 340 * len(garments)

@@ -187,6 +187,7 @@ rule plot_registration:
         runtime=10,
     params:
         rays=lookup(dpath="renders/rays", within=config),
+        garments=FILES.types_at_rest(),
         code=source_hash("plot_registration"),
     script:
         "../../scripts/plot_registration.py"

@@ -9,7 +9,7 @@ from drapeline.experiment.checks import require_splits
 from drapeline.experiment.groups import PlannedGroup
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
-from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
 
 # Only what evaluates reads these splits, nothing that trains.
 EVALUATED_SPLITS = ("test",)
@@ -196,6 +196,12 @@ class ExperimentFiles:
             "scans": self.shards_of(self.scans, self.scanned),
             "samples": self.shards_of(self.samples, self.scanned),
         }
+
+    def types_at_rest(self, *splits: str) -> list[str]:
+        """Garment types of outfits at rest of these splits, or all, in the order of `GARMENTS`."""
+        plans = [p for p in self.resting_plans.values() if not splits or p.split in splits]
+        worn = {name for plan in plans for name in plan.outfit_type.split("+")}
+        return [name for name in GARMENTS if name in worn]
 
     def resting_in(self, *splits: str) -> Callable[[], None]:
         """A check that the plan has outfits at rest in these splits."""

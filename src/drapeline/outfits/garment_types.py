@@ -78,12 +78,17 @@ def layered(garments: Iterable[str]) -> tuple[str, ...]:
     return tuple(sorted(garments, key=height))
 
 
-def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
-    """The first item of each type in the order of `GARMENTS`; no more are read than needed."""
+def first_of_each(items: Iterable[tuple[str, Item]], types: Sequence[str] = GARMENTS) -> list[Item]:
+    """The first item of each type in the order of `GARMENTS`; no more are read than needed.
+
+    Args:
+        items: with their types.
+        types: that there are among them, as far as known.
+    """
     found: dict[str, Item] = {}
     for garment, item in items:
         found.setdefault(garment, item)
-        if len(found) == len(GARMENTS):
+        if len(found) == len(types):
             break
     return [found[garment] for garment in GARMENTS if garment in found]
 

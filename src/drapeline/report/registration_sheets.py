@@ -1,7 +1,7 @@
 """Figures 5 to 7 of CLOTH3D: topologies of the body, its mesh hierarchy, registered garments."""
 
 import colorsys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -226,6 +226,7 @@ def plot_registration(
     topology: Topology,
     bodies: Mapping[str, BodyModel],
     outfits: Iterable[StaticOutfit],
+    garments: Sequence[str],
 ) -> None:
     """Write a PNG with a row per garment type: garment, registered, rebuilt, errors.
 
@@ -233,11 +234,12 @@ def plot_registration(
         topology: of the super-resolved body.
         bodies: super-resolved, by gender.
         outfits: the first garment of each type among them is shown.
+        garments: their types; no more outfits are read than it takes to find these.
     """
     registrar = Registrar(topology)
     rows, labels = [], []
     worn = ((g.name, (g, outfit)) for _, _, outfit in outfits for g in outfit.garments)
-    for garment, outfit in first_of_each(worn):
+    for garment, outfit in first_of_each(worn, garments):
         body = rest_body(bodies[outfit.gender], outfit.shape)
         done = registrar.register(garment.name, garment.vertices, garment.faces, body)
         rows.append(_row(garment, body, topology, done))

@@ -51,6 +51,9 @@ def test_the_first_of_each_type_comes_in_the_order_of_types_and_no_more_is_read(
     assert first_of_each(endless) == list(range(count))
     assert next(endless)[1] == count
     assert first_of_each([]) == []
+    two = ((("Skirt", "Top")[k % 2], k) for k in range(10**9))
+    assert first_of_each(two, ["Top", "Skirt"]) == [1, 0]
+    assert next(two)[1] == 2
 
 
 def test_upper_garments_are_worn_over_lower_ones():

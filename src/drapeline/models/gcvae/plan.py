@@ -24,7 +24,6 @@ from drapeline.models.registry import (
     page,
 )
 from drapeline.models.training.settings import override_settings
-from drapeline.outfits.garment_types import GARMENTS
 
 _HERE = "drapeline.models.gcvae"
 _ABLATIONS = "metrics_gcvae_ablations"
@@ -296,8 +295,6 @@ class _GcvaeTasks:
         """Garments of codes that are drawn."""
         asked, config = self.settings["sampling"], self.files.config
         keys = ("count", "female_share", "shape", "tightness")
-        plans = [p for p in self.files.resting_plans.values() if p.split == "train"]
-        worn = {name for plan in plans for name in plan.outfit_type.split("+")}
         return {
             "sampled": Task(
                 f"{_HERE}.sample:sample_garments_of_codes",
@@ -306,7 +303,7 @@ class _GcvaeTasks:
                     "seed": self.seed,
                     "conditions": {
                         **{key: asked[key] for key in keys},
-                        "garments": asked["garments"] or [n for n in GARMENTS if n in worn],
+                        "garments": asked["garments"] or self.files.types_at_rest("train"),
                         "shape_range": config["body"]["shape_range"],
                         "tightness_range": config["outfits"]["tightness_range"],
                     },
