@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +16,6 @@ from drapeline.generation.body import animate
 from drapeline.generation.outfit import Wearer, dress
 from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.motions.motion import Motion
-from drapeline.outfits.outfit import Outfit
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for
@@ -62,14 +60,14 @@ def dress_clip(
     """
     sample = Path(folder).name
     bodies, outfits = bodies or BodySettings(), outfits or OutfitSettings()
+    if fabric:
+        outfits = outfits.replace(fabrics=(fabric,))
     plan = SamplePlan(
         sample, gender, outfit_type, "train", motion.sequence or "clip", stop=len(motion)
     )
     record = animate(plan, motion, body, bodies, seed)
     LOGGER.info("body: %s in %d frames, %s", gender, len(record.poses), record.outcome)
     outfit = dress(plan, record, Wearer(body, build_templates(body), own or {}), outfits, seed)
-    if fabric:
-        outfit = _made_of(outfit, fabric)
     for garment in outfit.garments:
         LOGGER.info(
             "outfit: %s of %s, %d vertices",
@@ -97,8 +95,3 @@ def dress_clip(
             seed=seed,
             split=plan.split,
         )
-
-
-def _made_of(outfit: Outfit, fabric: str) -> Outfit:
-    garments = (replace(g, attributes={**g.attributes, "fabric": fabric}) for g in outfit.garments)
-    return replace(outfit, garments=tuple(garments))

@@ -63,7 +63,8 @@ def sample_numbers(
     Args:
         outfit_type: garments joined by "+".
         ranges: of one fit, see `OutfitRanges.of_fit`; the first of several is noted.
-        fabrics: names to draw from; some may be for other garments only.
+        fabrics: names to draw from; some may be for other garments only, but what none of them
+            suits is made of any.
     """
     names, fit = outfit_type.split("+"), ranges.fits[0]
     if any(GARMENT_TYPES[name].outer for name in names):
@@ -105,7 +106,9 @@ def sample_numbers(
         parts["fullness"] = uniform(rng, ranges.fullness)
         parts["fold_seed"] = int(rng.integers(2**31))
         parts["fit"] = fit
-        fabric = str(rng.choice(fabrics_of(name, fabrics)))
+        # One random number, however many there are, so that another fabric leaves the cut alone.
+        suited = fabrics_of(name, fabrics) or list(fabrics)
+        fabric = suited[int(rng.random() * len(suited))]
         if fit == "fitted" and FABRICS[fabric].stretch_n_per_m > _WOVEN_N_PER_M:
             # Legs that neither stretch nor slide would hold back whoever crouches.
             elastic |= {end: False for end in elastic if end == "legs"}

@@ -32,6 +32,18 @@ def test_if_none_are_given_every_measured_fabric_is_drawn():
     assert drawn == set(MEASURED_FABRICS)
 
 
+def test_another_fabric_leaves_the_cut_and_changes_the_print():
+    """Even where it is for other garments: a shirt of denim is asked for by name."""
+    worn = {
+        fabric: sample_numbers(rng_for(3, 1), "Tshirt+Trousers", OutfitRanges(), (fabric,))
+        for fabric in ("denim", "silk")
+    }
+    for (_, denim), (_, silk) in zip(*worn.values(), strict=True):
+        assert (denim["fabric"], silk["fabric"]) == ("denim", "silk")
+        assert denim["parameters"] == silk["parameters"]
+        assert denim["texture"]["print"]["kind"] == "twill" != silk["texture"]["print"]["kind"]
+
+
 @pytest.mark.parametrize("chance", [0.0, 0.5, 1.0])
 def test_elastics_have_the_chance_they_are_given(chance):
     ranges = replace(OutfitRanges(), elastic_chance=chance).of_fit("regular")
