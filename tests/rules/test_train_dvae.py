@@ -122,7 +122,7 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
             output=[given["conditioning"]],
             params={
                 "frames": frames,
-                "settings": {"condition": 4, "training": {"epochs": 2}},
+                "settings": {"condition": 4, "training": {"steps": 6}},
                 "trainer": {"accelerator": "cpu"},
                 "code": "c",
                 "progress": str(tmp_path / ".progress" / "c"),

@@ -21,7 +21,7 @@ VERTICES = 1600
 SETTINGS = {
     "network": {"widths": [6, 8, 8, 8, 8, 8], "features": 12, "latent": 6, "condition": 4},
     "loss": {"normals": 0.1},
-    "training": {"epochs": 2, "batch": 8, "seed": 0},
+    "training": {"steps": 4, "batch": 8, "seed": 0},
 }
 
 
@@ -91,7 +91,7 @@ def train_conditioning(run_rule, files: dict[str, Path], folder: Path) -> Path:
         input={"data": files["data"]},
         output=[folder / "conditioning"],
         params={
-            "settings": {"condition": 4, "training": {"epochs": 2}},
+            "settings": {"condition": 4, "training": {"steps": 4}},
             "trainer": {"accelerator": "cpu"},
             "code": "c",
             "progress": str(folder / ".progress" / "conditioning"),

@@ -11,7 +11,7 @@ from drapeline.models.training.lightning import TrainingRun
 from drapeline.models.training.module import BEST
 from toys.threads import THREADS
 
-CONDITIONING = ConditioningSettings(condition=4, training={"epochs": 12, "batch": 8})
+CONDITIONING = ConditioningSettings(condition=4, training={"steps": 72, "batch": 8})
 
 
 class Killed(Exception):

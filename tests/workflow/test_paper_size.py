@@ -10,8 +10,8 @@ from toys.paper import PAPER
 from toys.schema import SCHEMA
 
 _NETWORK = {"widths": [16, 32, 64, 64, 128, 128], "latent": 128, "order": 1}
-_TRAINING = {"epochs": 100, "learning_rate": 0.001, "schedule": "constant"}
-_WINDOWS = {**_TRAINING, "frames": 10, "stride": 10}
+_TRAINING = {"learning_rate": 0.001, "schedule": "constant"}
+_WINDOWS = {**_TRAINING, "epochs": 100, "frames": 10, "stride": 10}
 PRINTED = {
     "simulation.settings": {"steps_min": 14, "steps_max": 20},
     "groups.static": {"count": 30_000},
@@ -22,7 +22,7 @@ PRINTED = {
     },
     "gcvae.svae.network": _NETWORK,
     "gcvae.dvae.network": _NETWORK,
-    "gcvae.svae.training": {**_TRAINING, "batch": 32},
+    "gcvae.svae.training": {**_TRAINING, "batch": 32, "steps": 75_000},
     "gcvae.dvae.training": {**_TRAINING, "batch": 32},
     "gcvae.dvae": {"static_model": "svae"},
     "gcvae.sampling": {"settle": False},

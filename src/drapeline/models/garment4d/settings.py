@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from drapeline.dataset.settings import CloudSettings, OwnScans, Protocol
 from drapeline.learning_data.settings import SkinnedSettings
-from drapeline.models.training.settings import Trainer, Training
+from drapeline.models.training.settings import EpochTraining, Trainer
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.registration.settings import RefineSettings, TemplateFitSettings
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, SkipJsonSchema
@@ -30,7 +30,7 @@ POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-class Garment4dTraining(Training):
+class Garment4dTraining(EpochTraining):
     """Length, speed and windows of the training of a stage's network."""
 
     epochs: int = Field(

@@ -43,7 +43,8 @@ class ResidualLevel(nn.Module):
     """A convolution followed by a residual one.
 
     Filters are isotropic and shared by all nodes, so by themselves they cannot tell where on the
-    body, or on which side of a limb, a node is; `places` are constant inputs that tell them.
+    body, or on which side of a limb, a node is; `places` are constant inputs that tell them, if
+    there are any.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class ResidualLevel(nn.Module):
     ) -> None:
         super().__init__()
         self.first = first
-        self.places = linear(places, width, rng)
+        self.places = linear(places, width, rng) if places else None
         self.second = ChebConv(width, width, order, rng)
         with torch.no_grad():
             self.second.weight.mul_(_SECOND_SCALE)
@@ -66,7 +67,10 @@ class ResidualLevel(nn.Module):
             laplacian: of the N nodes.
             places: (N, P).
         """
-        x = torch.relu_(self.first(x, operator) + self.places(places)[:, None])
+        x = self.first(x, operator)
+        if self.places is not None:
+            x = x + self.places(places)[:, None]
+        x = torch.relu_(x)
         # In place on rows: to change a view in place, autograd would copy whole gradients.
         rows = self.second.rows(x, laplacian).add_(x.flatten(0, 1))
         return torch.relu_(rows).unflatten(0, x.shape[:2])
@@ -117,7 +121,7 @@ class Encoder(nn.Module):
         with torch.no_grad():  # start near the prior's mean, with small variance
             self.code.weight[: size.latent].mul_(0.7)
             self.code.weight[size.latent :].mul_(0.1)
-            self.code.bias[size.latent :].fill_(-4)
+            self.code.bias[size.latent :].fill_(size.log_variance)
 
     def forward(self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
@@ -185,7 +189,11 @@ class Decoder(nn.Module):
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         # Both branches are linear in the last features, so one layer computes both.
-        self.branches = VertexLinear(vertices, widths[0], outputs)
+        self.branches: nn.Module
+        if size.vertex_output:
+            self.branches = VertexLinear(vertices, widths[0], outputs)
+        else:
+            self.branches = ChebConv(widths[0], outputs, size.order, rng)
 
     def forward(
         self, graphs: Mapping[str, MeshGraph], code: torch.Tensor, counts: Mapping[str, int]
@@ -203,7 +211,9 @@ class Decoder(nn.Module):
         x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
         for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
             x = block(x, graph.unpools[level], graph.laplacians[level], graph.places(level))
-        return self.branches(x)
+        if isinstance(self.branches, VertexLinear):
+            return self.branches(x)
+        return self.branches(x, graph.laplacians[0])
 
 
 PLACES = 6
@@ -245,12 +255,15 @@ class Gcvae(nn.Module):
         graphs = mesh_graphs(body_template, size.order)
         self.graphs: Any = nn.ModuleDict(graphs)
         nodes = graphs[TOPOLOGIES[0]].counts[-1]
-        self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
-        self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, PLACES, size, rng)
+        places = PLACES if size.places else 0
+        self.standardise = size.standardise
+        self.encoder = Encoder(inputs, nodes, places, size, rng)
+        self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, places, size, rng)
 
     def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
         """Set the encoder's constants from a first batch; see `Encoder.normalise_by`."""
-        self.encoder.normalise_by(self.graphs, inputs)
+        if self.standardise:
+            self.encoder.normalise_by(self.graphs, inputs)
 
     def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""

@@ -98,16 +98,11 @@ class _GcvaeTasks:
         """A training of the paper's svae or dvae, in one of its variants."""
         own = self.settings[model]
         width = own["network"]["widths"][0] / 8
-        garments = (
-            len(self.files.resting_plans)
-            if model == "svae"
-            else self.files.moving_frames / own["frame_step"]
-        )
         return Task(
             f"{_HERE}.train:{run}",
             given,
             {**told, "trainer": self.settings["trainer"]},
-            seconds=0.025 * own["training"]["epochs"] * garments * width,
+            seconds=0.025 * own["training"]["steps"] * own["training"]["batch"] * width,
             megabytes=500 + 60 * own["training"]["batch"] * width,
             checks=[
                 (self.files.resting_in if model == "svae" else self.files.moving_in)("train", "val")

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from drapeline.models.training.settings import Trainer, Training
+from drapeline.models.training.settings import StepTraining, Trainer
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.settings import ConfigDict, Field, OneOf, Settings, SkipJsonSchema
 
@@ -14,6 +14,12 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_no_mask": {"loss": {"offsets_within": "all"}, "training": {"mask": False}},
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
+    # Without one of what ours has and the paper's has not.
+    "svae_unmasked_input": {"network": {"masked_input": False}},
+    "svae_no_places": {"network": {"places": False}},
+    "svae_shared_output": {"network": {"vertex_output": False}},
+    "svae_unstandardised": {"network": {"standardise": False}},
+    "svae_wide_start": {"network": {"log_variance": 0.0}},
 }
 
 DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
@@ -80,6 +86,40 @@ class GcvaeNetwork(Settings):
     order: int = Field(
         1, ge=1, le=6, description="Order K of the Chebyshev polynomials; 1 means two terms."
     )
+    masked_input: bool = Field(
+        True,
+        description=(
+            "Whether the encoder is shown where the garment is, and no offsets elsewhere; in the "
+            "paper it sees offsets alone, which are zero there."
+        ),
+    )
+    places: bool = Field(
+        True,
+        description=(
+            "Whether every level is told position and normal of its nodes on the mean body. The "
+            "paper's filters, the same at every node, cannot know where they are."
+        ),
+    )
+    vertex_output: bool = Field(
+        True,
+        description=(
+            "Whether the last layer has weights of its own at every vertex; the paper's is a graph "
+            "convolution."
+        ),
+    )
+    standardise: bool = Field(
+        True,
+        description=(
+            "Whether pooled features are standardised by those of a first batch, which the paper "
+            "does not mention."
+        ),
+    )
+    log_variance: float = Field(
+        -4.0,
+        ge=-20,
+        le=5,
+        description="Log variance of codes at the start of training; 0 is that of the prior.",
+    )
 
     @property
     def level_widths(self) -> list[int]:
@@ -143,14 +183,17 @@ class GcvaeLoss(Settings):
         return min(self.kl_start + rise, self.kl_max)
 
 
-class GcvaeTraining(Training):
+class GcvaeTraining(StepTraining):
     """How long and how fast a garment VAE is trained."""
 
-    epochs: int = Field(
-        12,
+    steps: int = Field(
+        1500,
         ge=1,
-        le=10_000,
-        description="Passes over the training garments; schedules are relative to this number.",
+        le=10_000_000,
+        description=(
+            "Steps on one device, in whole passes over the training garments; schedules are "
+            "relative to this number."
+        ),
     )
     batch: int = Field(8, ge=1, le=4096, description="Garments per step, on each device.")
     learning_rate: float = Field(0.001, gt=0, le=1, description="Learning rate of Adam.")
@@ -184,17 +227,17 @@ class VaeSettings(Settings):
 class DvaeSettings(VaeSettings):
     """The model of garments in motion."""
 
-    training: GcvaeTraining = GcvaeTraining(epochs=3, learning_rate=0.002)
+    training: GcvaeTraining = GcvaeTraining(steps=1000, learning_rate=0.002)
 
 
-class AutoencoderTraining(Training):
+class AutoencoderTraining(StepTraining):
     """How the autoencoder of the conditions is trained."""
 
-    epochs: int = Field(
-        60,
+    steps: int = Field(
+        500,
         ge=1,
-        le=10_000,
-        description="Passes of the conditioning autoencoder over the training garments.",
+        le=10_000_000,
+        description="Steps of the conditioning autoencoder, in whole passes over the garments.",
     )
     batch: SkipJsonSchema[int] = Field(32, ge=1, description="Garments per step.")
     learning_rate: SkipJsonSchema[float] = Field(0.003, gt=0, description="Rate of Adam.")

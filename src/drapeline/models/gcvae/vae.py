@@ -80,7 +80,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
     Args:
         settings: sizes, loss and training.
         body_template: graphs, faces, statistics and rest bodies.
-        inputs: encoder channels per vertex.
+        inputs: encoder channels per vertex beside offsets and mask.
     """
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate, *, inputs: int) -> None:
@@ -125,6 +125,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
             std=torch.from_numpy(body_template.cvar_std),
             rng=rng,
         ).requires_grad_(False)
+        inputs += 3 + size.masked_input
         self.network = Gcvae(
             body_template, size, inputs=inputs, mask=self.settings.training.mask, rng=rng
         )
@@ -156,7 +157,11 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         part = TopologyBatch.of(batch, rows)
         base, inputs = self.base_and_inputs(batch, rows)
         target = self.normalise(part.offsets, "offset")
-        seen = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
+        shown = [target]
+        if self.settings.network.masked_input:
+            inside = part.mask.to(target.dtype)[:, None]
+            shown = [target * inside, inside]
+        seen = torch.cat([*shown, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
         return VaeBatch(**vars(part), base=base, inputs=seen, target=target)
 
     def encode_parts(self, parts: Mapping[str, VaeBatch]) -> Code:
@@ -183,7 +188,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         terms |= self.code_terms(code, cvar)
         scale = {
             "offsets": 1.0,
-            "kl": self.settings.loss.kl_weight(self.progress.epoch / self.settings.training.epochs),
+            "kl": self.settings.loss.kl_weight(self.progress.share),
         }
         loss = sum(
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
@@ -281,7 +286,7 @@ class StaticVae(GarmentVae):
     SETTINGS = VaeSettings
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
-        super().__init__(settings, body_template, inputs=6)
+        super().__init__(settings, body_template, inputs=3)
 
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
@@ -306,7 +311,7 @@ class DynamicVae(GarmentVae):
 
     def __init__(self, settings: DvaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(
-            settings, body_template, inputs=9 if settings.training.version == "unposed" else 6
+            settings, body_template, inputs=6 if settings.training.version == "unposed" else 3
         )
 
     def base_and_inputs(

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from drapeline.dataset.settings import OwnScans
 from drapeline.models.smplicit.garments import FIELD_MODELS
-from drapeline.models.training.settings import Trainer, Training
+from drapeline.models.training.settings import EpochTraining, Trainer
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings
 
@@ -59,7 +59,7 @@ class FieldLoss(Settings):
     )
 
 
-class FieldTraining(Training):
+class FieldTraining(EpochTraining):
     """How a field is trained."""
 
     epochs: int = Field(

@@ -171,8 +171,7 @@ class _Loop(LightningModule):
     def on_train_batch_start(self, *_: Any) -> None:
         """Set the learning rate from the step alone."""
         training = self.trained.settings.training
-        share = self.global_step / self.trainer.estimated_stepping_batches
-        rate = learning_rate(training.learning_rate, training.schedule, share)
+        rate = learning_rate(training.learning_rate, training.schedule, self._share())
         for optimizer in self.trainer.optimizers:
             for group in optimizer.param_groups:
                 group["lr"] = rate * group.get(RATE_SHARE, 1.0)
@@ -187,11 +186,17 @@ class _Loop(LightningModule):
 
     def _step(self, step: Callable[[Batch], Any], batch: Batch) -> Any:
         trained = self.trained
-        trained.progress = Progress(self.current_epoch, self.global_step, self.global_rank)
+        trained.progress = Progress(
+            self.current_epoch, self.global_step, self.global_rank, self._share()
+        )
         out = step(batch)
         while trained.logged:
             self._means.add(*trained.logged.pop())
         return out
+
+    def _share(self) -> float:
+        """Share of all steps that are done."""
+        return self.global_step / self.trainer.estimated_stepping_batches
 
     def on_validation_epoch_end(self) -> None:
         """Log the validation's results."""
@@ -257,7 +262,9 @@ def fit(
     # Named after the settings, so that no process reads what another clears away.
     text = json.dumps(settings, sort_keys=True)
     under_way = Path(run.progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
-    engine = _trainer(under_way, module.settings.training.epochs, monitor, run.trainer)
+    engine = _trainer(under_way, monitor, run.trainer)
+    batches = len(data.loader("train", processes=engine.world_size, rank=engine.global_rank))
+    engine.fit_loop.max_epochs = module.settings.training.epochs_of(batches)
     if engine.is_global_zero:
         begin(under_way, settings)
     resumed = newest_readable(under_way, module)
@@ -335,7 +342,7 @@ def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
     write_json(under_way / SETTINGS, settings)
 
 
-def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]) -> Trainer:
+def _trainer(under_way: Path, monitor: str, options: Mapping[str, Any]) -> Trainer:
     terminal = sys.stderr.isatty()
     # The last after the best, so that it knows which epoch was best so far when resumed.
     keepers = [
@@ -349,7 +356,7 @@ def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, A
         for name, value in ((BEST_STATE, monitor), (LAST_STATE, None))
     ]
     return Trainer(
-        max_epochs=epochs,
+        max_epochs=1,  # `fit` says how many, once it is known how many devices there are
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         # Slurm's job steps have one task each, and Lightning would take that for all processes.
         plugins=[_AtomicCheckpoints(), LightningEnvironment()],

@@ -28,11 +28,12 @@ class _HasTraining(Protocol):
 
 
 class Progress(NamedTuple):
-    """Epoch of a training, step over all epochs, and rank of the process."""
+    """Epoch of a training, step over all epochs, rank of the process, and share that is done."""
 
     epoch: int = 0
     step: int = 0
     rank: int = 0
+    share: float = 0.0
 
 
 class Logged(NamedTuple):

@@ -9,11 +9,34 @@ from drapeline.settings import Field, Settings, SkipJsonSchema
 class Training(Settings):
     """How long and how fast a network is trained; each model has its own defaults and ranges."""
 
-    epochs: int
     batch: int
     learning_rate: float
     schedule: str
     seed: SkipJsonSchema[int] = Field(0, description="Seed of weights, order and noise.")
+
+    def epochs_of(self, batches: int) -> int:
+        """Epochs to train for, given that one has so many batches."""
+        raise NotImplementedError
+
+
+class EpochTraining(Training):
+    """A training whose length is told in passes over its rows."""
+
+    epochs: int
+
+    def epochs_of(self, batches: int) -> int:
+        """As many as were asked for."""
+        return self.epochs
+
+
+class StepTraining(Training):
+    """A training whose length is told in steps, and does not depend on how many rows it has."""
+
+    steps: int
+
+    def epochs_of(self, batches: int) -> int:
+        """The number of whole passes that is nearest to the steps, at least one."""
+        return max(1, round(self.steps / batches))
 
 
 class Trainer(Settings):

@@ -22,7 +22,7 @@ from toys.learning import (
 
 SETTINGS = gcvae_files.SETTINGS.replace(
     loss={"normals": 1.0},
-    training={"epochs": 10, "learning_rate": 0.003, "normal_parts": 2},
+    training={"steps": 10, "learning_rate": 0.003, "normal_parts": 2},
 )
 DISTANCE = SETTINGS.replace(
     loss={"normals": 0.3, "mask": 1.0, "mask_form": "bce", "offsets_form": "distance"}

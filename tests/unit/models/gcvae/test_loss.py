@@ -137,7 +137,7 @@ def test_weights_are_the_printed_ones():
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
     loss=PRINTED,
-    training=GcvaeTraining(epochs=100, batch=32, normal_parts=1),
+    training=GcvaeTraining(steps=100, batch=32, normal_parts=1),
 )
 
 
@@ -226,10 +226,10 @@ def test_terms_of_a_code_are_per_component():
     assert float(terms["condition"]) == pytest.approx(2 * float(wanted.abs().mean()))
 
 
-@pytest.mark.parametrize(("epoch", "kl"), [(0, 1e-4), (50, 1e-4), (60, 0.0501), (99, 0.2451)])
-def test_the_loss_is_the_sum_of_equations_3_and_4(epoch, kl):
+@pytest.mark.parametrize(("share", "kl"), [(0, 1e-4), (0.5, 1e-4), (0.6, 0.0501), (0.99, 0.2451)])
+def test_the_loss_is_the_sum_of_equations_3_and_4(share, kl):
     model = vae()
-    model.progress = Progress(epoch=epoch, step=1000)
+    model.progress = Progress(step=1000, share=share)
     loss = model.training_step(toy_batch())
     (logged,) = model.logged
     weights = {"offsets": 1, "normals": 70, "mask": 0.1, "condition": 1, "kl": kl}

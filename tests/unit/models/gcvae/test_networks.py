@@ -19,14 +19,14 @@ def test_the_first_and_last_layers_keep_their_width_when_the_rest_doubles():
     double = SETTINGS.network.replace(scale=2)
     assert double.level_widths == [6, 16, 16, 20]
     model = StaticVae(SETTINGS.replace(network=double), toy_template())
-    assert model.network.encoder.levels[0].first.weight.shape == (2, 6, 6)
+    assert model.network.encoder.levels[0].first.weight.shape == (2, 7, 6)
     assert model.network.decoder.branches.weight.shape == (VERTICES, 6, 4)
 
 
 def test_a_level_is_a_convolution_that_knows_its_place_beside_a_skip_connection(model):
     """Against ReLU(h + conv(h)) with h = ReLU(conv(x) + places)."""
     level, graph = model.network.encoder.levels[0], model.network.graphs["body"]
-    x = torch.randn(VERTICES, 2, 6, generator=torch.Generator().manual_seed(1))
+    x = torch.randn(VERTICES, 2, 7, generator=torch.Generator().manual_seed(1))
     laplacian, places = graph.laplacians[0], graph.places(0)
     with torch.no_grad():
         hidden = torch.relu(level.first(x, laplacian) + level.places(places)[:, None])

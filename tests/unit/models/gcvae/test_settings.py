@@ -17,7 +17,7 @@ from toys.gcvae_files import SETTINGS
 
 
 def test_settings_survive_a_checkpoint_whose_values_are_plain():
-    settings = SETTINGS.replace(training=GcvaeTraining(epochs=3, mask=False, version="posed"))
+    settings = SETTINGS.replace(training=GcvaeTraining(steps=3, mask=False, version="posed"))
     stored = settings.plain()
     assert isinstance(stored["network"]["widths"], list)
     assert VaeSettings(**stored) == settings
@@ -30,7 +30,7 @@ def test_what_is_not_named_has_the_default_of_its_place():
         assert settings.network == default.network.replace(latent=7)
         assert settings.loss == default.loss
         assert settings.training == default.training.replace(seed=4)
-    assert DvaeSettings(**given).training.epochs != VaeSettings(**given).training.epochs
+    assert DvaeSettings(**given).training.steps != VaeSettings(**given).training.steps
 
 
 def test_a_setting_that_does_not_exist_or_is_out_of_range_is_named():

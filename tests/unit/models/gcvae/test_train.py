@@ -31,7 +31,7 @@ from toys.threads import THREADS
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
     loss=GcvaeLoss(**{**printed("gcvae.loss"), "normals": 1.0}),
-    training=GcvaeTraining(epochs=2, batch=8, schedule="constant", normal_parts=2),
+    training=GcvaeTraining(steps=10, batch=8, schedule="constant", normal_parts=2),
 )
 
 
@@ -116,7 +116,7 @@ class DiesAfter(ToyGarments):
 
 
 def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path):
-    settings = SETTINGS.replace(training={"epochs": 4})
+    settings = SETTINGS.replace(training={"steps": 20})
     with pytest.raises(Killed):
         train("killed", settings, DiesAfter(16))
     assert not (tmp_path / "killed").exists()

@@ -16,7 +16,7 @@ from drapeline.models.training import lightning
 from drapeline.models.training.checkpoints import read_checkpoint, read_torch_file, write_torch_file
 from drapeline.models.training.lightning import TrainingRun, begin, fit, learning_rate
 from drapeline.models.training.module import BEST, Progress, TrainableModule
-from drapeline.models.training.settings import Training
+from drapeline.models.training.settings import EpochTraining
 from drapeline.storage import read_json
 from toys.threads import THREADS
 
@@ -26,7 +26,7 @@ class Line(TrainableModule):
 
     def __init__(self):
         super().__init__()
-        training = Training(epochs=1, batch=1, learning_rate=1.0 / 6, schedule="constant")
+        training = EpochTraining(epochs=1, batch=1, learning_rate=1.0 / 6, schedule="constant")
         self.settings = SimpleNamespace(training=training)
         self.x = torch.nn.Parameter(torch.tensor(3.0))
 
@@ -217,7 +217,7 @@ if __name__ == "__main__":
     folder, garments = Path(sys.argv[1]), ToyGarments(47)
     devices = int(sys.argv[2])
     trainer = {"accelerator": "cpu", "devices": devices, "strategy": "ddp"}
-    settings = ConditioningSettings(condition=4, training={"epochs": 2})
+    settings = ConditioningSettings(condition=4, training={"steps": 4})
     moments = cvar_statistics(garments.cvar(garments.rows("train")))
     with rule_log(str(folder / "log")):
         fit(

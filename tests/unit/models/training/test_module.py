@@ -12,7 +12,7 @@ from drapeline.models.training.module import (
     TrainableModule,
     fastest_device,
 )
-from drapeline.models.training.settings import Training
+from drapeline.models.training.settings import EpochTraining
 
 
 class Pair(TrainableModule):
@@ -20,7 +20,7 @@ class Pair(TrainableModule):
 
     def __init__(self):
         super().__init__()
-        training = Training(epochs=1, batch=1, learning_rate=0.25, schedule="constant")
+        training = EpochTraining(epochs=1, batch=1, learning_rate=0.25, schedule="constant")
         self.settings = SimpleNamespace(training=training)
         self.trained = torch.nn.Parameter(torch.tensor(1.0))
         self.frozen = torch.nn.Parameter(torch.tensor(2.0), requires_grad=False)
