@@ -63,3 +63,58 @@ def test_codes_begin_near_the_prior_s_mean_with_small_variance(model, batch):
     code = model.encode(batch)
     assert code.mean.abs().mean() < 3
     assert (code.log_variance + 4).abs().max() < 2
+
+
+def without(**network):
+    """A network that lacks something, as it is before its first step."""
+    model = StaticVae(SETTINGS.replace(network=network), toy_template())
+    model.prepare(ToyGarments())
+    return model
+
+
+@pytest.mark.parametrize("masked", [True, False])
+def test_what_offsets_are_where_there_is_no_garment_is_seen_if_the_input_is_not_masked(
+    batch, masked
+):
+    model = without(masked_input=masked)
+    elsewhere = {**batch, "offsets": batch["offsets"] + 0.01 * ~batch["mask"][..., None]}
+    same = torch.equal(model.encode(batch).mean, model.encode(elsewhere).mean)
+    assert same == masked
+
+
+def test_a_masked_input_says_where_the_garment_ends(batch):
+    """Of two garments that lie on their mean, the mask alone tells one from the other."""
+    model = without()
+    mean = model.offset_mean.expand(*batch["offsets"].shape)
+    shorter = batch["mask"] & (torch.arange(VERTICES) % 2 == 0)
+    codes = [
+        model.encode({**batch, "offsets": mean, "mask": mask}).mean
+        for mask in (batch["mask"], shorter)
+    ]
+    assert not torch.allclose(*codes)
+
+
+def test_without_places_nodes_that_see_the_same_are_the_same():
+    model = without(places=False)
+    graph = model.network.graphs["body"]
+    x = torch.ones(VERTICES, 1, 7)
+    level = model.network.encoder.levels[0]
+    with torch.no_grad():
+        blind = level(x, graph.laplacians[0], graph.laplacians[0], graph.places(0))
+        other = level(x, graph.laplacians[0], graph.laplacians[0], 5 * graph.places(0))
+    torch.testing.assert_close(blind, other)
+
+
+def test_a_shared_output_layer_has_one_set_of_weights():
+    assert without(vertex_output=False).network.decoder.branches.weight.shape == (2, 6, 4)
+
+
+def test_pooled_features_are_as_they_come_unless_they_are_standardised():
+    encoder = without(standardise=False).network.encoder
+    assert (encoder.mean == 0).all()
+    assert (encoder.std == 1).all()
+
+
+def test_the_variance_that_codes_begin_with_is_a_setting(batch):
+    code = without(log_variance=0.0).encode(batch)
+    assert code.log_variance.abs().max() < 2
