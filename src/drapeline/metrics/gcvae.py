@@ -16,6 +16,14 @@ VARIANTS = {
         "svae_no_mask": Variant("Garment VAE without mask"),
         "svae_no_cvar": Variant("Garment VAE without regressing conditional variables"),
         "svae_uniform_pooling": Variant("Garment VAE with default pooling"),
+        "svae_unmasked_input": Variant("Garment VAE whose encoder is not shown the mask"),
+        "svae_no_places": Variant("Garment VAE whose levels are not told where nodes are"),
+        "svae_shared_output": Variant("Garment VAE with a graph convolution as its last layer"),
+        "svae_unstandardised": Variant("Garment VAE with pooled features as they come"),
+        "svae_wide_start": Variant("Garment VAE whose codes begin with the prior's variance"),
+        "svae_as_printed": Variant(
+            "Garment VAE as printed, without any of these and with its loss"
+        ),
     },
     "dvae": {
         "dvae_posed_1": Variant("Garment VAE, X = C - T, 1 frame"),

@@ -20,6 +20,23 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_shared_output": {"network": {"vertex_output": False}},
     "svae_unstandardised": {"network": {"standardise": False}},
     "svae_wide_start": {"network": {"log_variance": 0.0}},
+    # Without all of them, and with the printed weights of the loss.
+    "svae_as_printed": {
+        "network": {
+            "masked_input": False,
+            "places": False,
+            "vertex_output": False,
+            "standardise": False,
+            "log_variance": 0.0,
+        },
+        "loss": {
+            "normals": 70.0,
+            "mask": 0.1,
+            "mask_form": "l1",
+            "condition": 1.0,
+            "kl_max": 0.25,
+        },
+    },
 }
 
 DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
