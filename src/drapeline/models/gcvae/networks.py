@@ -35,6 +35,7 @@ class Code(NamedTuple):
 
 
 _SECOND_SCALE = 0.3  # of initial weights; else features double in size from level to level
+_LINEAR_SCALE = 0.2  # likewise, of the linear path into the code
 
 _STD_FLOOR_SHARE = 0.1
 
@@ -96,12 +97,27 @@ class VertexLinear(nn.Module):
 
 
 class Encoder(nn.Module):
-    """{cvar^z, z} = Psi(X, T): residual levels, max pooling to one node per segment, two heads."""
+    """{cvar^z, z} = Psi(X, T): residual levels, max pooling to one node per segment, two heads.
+
+    Args:
+        inputs: channels per vertex.
+        garment: how many of them, the first ones, are the garment's; the linear path takes those.
+        vertices, nodes: of the finest and the coarsest level.
+        places: constant inputs of every level.
+    """
 
     def __init__(
-        self, inputs: int, nodes: int, places: int, size: GcvaeNetwork, rng: torch.Generator
+        self,
+        inputs: int,
+        garment: int,
+        vertices: int,
+        nodes: int,
+        places: int,
+        size: GcvaeNetwork,
+        rng: torch.Generator,
     ) -> None:
         super().__init__()
+        self.garment = garment
         widths = size.level_widths
         self.levels = nn.ModuleList(
             ResidualLevel(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
@@ -122,6 +138,11 @@ class Encoder(nn.Module):
             self.code.weight[: size.latent].mul_(0.7)
             self.code.weight[size.latent :].mul_(0.1)
             self.code.bias[size.latent :].fill_(size.log_variance)
+        self.linear_path: nn.Module | None = None
+        if size.linear_path:
+            self.linear_path = linear(vertices * garment, size.latent, rng)
+            with torch.no_grad():
+                self.linear_path.weight.mul_(_LINEAR_SCALE)
 
     def forward(self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
@@ -129,6 +150,9 @@ class Encoder(nn.Module):
         features = torch.relu(self.features(rows))
         code, condition = (head(features).to(self.mean) for head in (self.code, self.condition))
         mean, log_variance = code.chunk(2, dim=1)
+        if self.linear_path is not None:
+            seen = [x[..., : self.garment].transpose(0, 1).flatten(1) for x in inputs.values()]
+            mean = mean + self.linear_path(torch.cat(seen)).to(mean)
         return Code(mean, log_variance.clamp(*_LOG_VARIANCE_RANGE), condition)
 
     def pool(
@@ -194,6 +218,10 @@ class Decoder(nn.Module):
             self.branches = VertexLinear(vertices, widths[0], outputs)
         else:
             self.branches = ChebConv(widths[0], outputs, size.order, rng)
+        self.linear_path: nn.Linear | None = None
+        if size.linear_path:
+            self.linear_path = linear(size.latent + size.condition, vertices * outputs, rng)
+            nn.init.zeros_(self.linear_path.weight)
 
     def forward(
         self, graphs: Mapping[str, MeshGraph], code: torch.Tensor, counts: Mapping[str, int]
@@ -202,9 +230,19 @@ class Decoder(nn.Module):
         rows = torch.relu(self.spread(torch.relu(self.features(code))))
         rows = rows.view(len(rows), self.nodes, -1).transpose(0, 1).contiguous()  # (nodes, B, F)
         parts = rows.split(list(counts.values()), dim=1)
-        return {
+        made = {
             name: self._unpool(graphs[name], part.contiguous())
             for name, part in zip(counts, parts, strict=True)
+        }
+        if self.linear_path is None:
+            return made
+        (outputs,) = {x.shape[2] for x in made.values()}
+        straight = self.linear_path(code).unflatten(1, (-1, outputs)).transpose(0, 1)
+        return {
+            name: x + part
+            for (name, x), part in zip(
+                made.items(), straight.split(list(counts.values()), dim=1), strict=True
+            )
         }
 
     def _unpool(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
@@ -239,6 +277,7 @@ class Gcvae(nn.Module):
         body_template: gives the graphs.
         size: of the layers.
         inputs: channels per vertex of the encoder.
+        garment: how many of them, the first ones, are the garment's.
         mask: whether the decoder has a mask branch.
     """
 
@@ -248,6 +287,7 @@ class Gcvae(nn.Module):
         size: GcvaeNetwork,
         *,
         inputs: int,
+        garment: int,
         mask: bool,
         rng: torch.Generator,
     ) -> None:
@@ -257,8 +297,9 @@ class Gcvae(nn.Module):
         nodes = graphs[TOPOLOGIES[0]].counts[-1]
         places = PLACES if size.places else 0
         self.standardise = size.standardise
-        self.encoder = Encoder(inputs, nodes, places, size, rng)
-        self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, places, size, rng)
+        vertices = len(body_template.offset_mean)
+        self.encoder = Encoder(inputs, garment, vertices, nodes, places, size, rng)
+        self.decoder = Decoder(3 + mask, vertices, nodes, places, size, rng)
 
     def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
         """Set the encoder's constants from a first batch; see `Encoder.normalise_by`."""

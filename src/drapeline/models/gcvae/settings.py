@@ -15,6 +15,7 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
     # Without one of what ours has and the paper's has not.
+    "svae_no_linear_path": {"network": {"linear_path": False}},
     "svae_unmasked_input": {"network": {"masked_input": False}},
     "svae_no_places": {"network": {"places": False}},
     "svae_shared_output": {"network": {"vertex_output": False}},
@@ -23,6 +24,7 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     # Without all of them, and with the printed weights of the loss.
     "svae_as_printed": {
         "network": {
+            "linear_path": False,
             "masked_input": False,
             "places": False,
             "vertex_output": False,
@@ -108,6 +110,13 @@ class GcvaeNetwork(Settings):
         description=(
             "Whether the encoder is shown where the garment is, and no offsets elsewhere; in the "
             "paper it sees offsets alone, which are zero there."
+        ),
+    )
+    linear_path: bool = Field(
+        True,
+        description=(
+            "Whether the code is also joined to all vertices by linear layers, as in PCA, so that "
+            "graph convolutions have to learn only the rest."
         ),
     )
     places: bool = Field(

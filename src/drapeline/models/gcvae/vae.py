@@ -15,7 +15,7 @@ from drapeline.models.gcvae.networks import Code, ConditioningAutoencoder, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
 from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
-from drapeline.models.training.module import TrainableModule
+from drapeline.models.training.module import RATE_SHARE, TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
@@ -63,6 +63,7 @@ def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tenso
 _CLAMP_DEVIATIONS = 5.0
 
 _FIRST_BATCH = 64
+_LINEAR_RATE_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -125,9 +126,14 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
             std=torch.from_numpy(body_template.cvar_std),
             rng=rng,
         ).requires_grad_(False)
-        inputs += 3 + size.masked_input
+        garment = 3 + size.masked_input
         self.network = Gcvae(
-            body_template, size, inputs=inputs, mask=self.settings.training.mask, rng=rng
+            body_template,
+            size,
+            inputs=garment + inputs,
+            garment=garment,
+            mask=self.settings.training.mask,
+            rng=rng,
         )
 
     def prepare(self, garments: Garments) -> None:
@@ -176,6 +182,25 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         return {name: x.transpose(1, 2).contiguous() for name, x in out.items()}
 
     # ---- training
+
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Adam, with smaller steps for the linear path.
+
+        Its outputs are sums over all vertices, or of all numbers of a code, so steps as large as
+        elsewhere would change them by more than they are.
+        """
+        straight = {
+            id(weight): weight
+            for part in (self.network.encoder, self.network.decoder)
+            for weight in (part.linear_path.parameters() if part.linear_path else ())
+        }
+        others = [p for p in self.parameters() if p.requires_grad and id(p) not in straight]
+        groups = [
+            {"params": others, RATE_SHARE: 1.0},
+            {"params": list(straight.values()), RATE_SHARE: _LINEAR_RATE_SHARE},
+        ]
+        rate = self.settings.training.learning_rate
+        return torch.optim.Adam([group for group in groups if group["params"]], lr=rate, fused=True)
 
     def training_step(self, batch: Batch) -> torch.Tensor:
         """Loss of equation 3 for one batch."""

@@ -118,3 +118,32 @@ def test_pooled_features_are_as_they_come_unless_they_are_standardised():
 def test_the_variance_that_codes_begin_with_is_a_setting(batch):
     code = without(log_variance=0.0).encode(batch)
     assert code.log_variance.abs().max() < 2
+
+
+def test_a_network_that_has_learned_nothing_but_its_linear_path_is_that_path(batch):
+    """The last layer is zero at first, so the rest of the decoder adds nothing to it."""
+    model = without()
+    decoder = model.network.decoder
+    with torch.no_grad():
+        decoder.linear_path.weight.normal_(generator=torch.Generator().manual_seed(5))
+        z = model.encode(batch).mean
+        parts = model.parts(batch)
+        order = torch.cat([part.rows for part in parts.values()])
+        counts = {name: len(part.rows) for name, part in parts.items()}
+        made = model.decode_parts(z[order], batch["cvar"][order], counts)
+        code = torch.cat([z, model.conditioning(batch["cvar"])], 1)
+        wanted = decoder.linear_path(code).view(len(z), VERTICES, 4)
+    for name, part in parts.items():
+        torch.testing.assert_close(made[name].permute(2, 0, 1), wanted[part.rows])
+
+
+def test_the_linear_path_learns_in_smaller_steps_and_every_weight_is_learned_once():
+    model = without()
+    others, straight = model.optimizer().param_groups
+    assert others["rate_share"] > straight["rate_share"]
+    found = [*others["params"], *straight["params"]]
+    learned = {name for name, p in model.named_parameters() if p.requires_grad}
+    names = {id(p): name for name, p in model.named_parameters()}
+    assert sorted(names[id(p)] for p in found) == sorted(learned)
+    assert {names[id(p)].split(".")[-2] for p in straight["params"]} == {"linear_path"}
+    assert len(without(linear_path=False).optimizer().param_groups) == 1
