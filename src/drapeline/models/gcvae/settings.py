@@ -192,7 +192,7 @@ class GcvaeLoss(Settings):
         le=1000,
         description="Increase of the weight per hundredth of training after that part.",
     )
-    kl_max: float = Field(0.02, ge=0, le=1000, description="Largest weight.")
+    kl_max: float = Field(0.002, ge=0, le=1000, description="Largest weight.")
     mask_form: Literal["l1", "bce"] = Field(
         "bce", description="Loss on the probabilities of the mask."
     )

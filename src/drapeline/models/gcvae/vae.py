@@ -58,10 +58,6 @@ def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tenso
     return torch.stack([error, error.new_tensor(float(logit.numel()))])
 
 
-# The encoder's input is clamped to so many deviations from the mean: outside its mask a garment
-# has no offset, which is dozens of deviations away at vertices where all others have a large one.
-_CLAMP_DEVIATIONS = 5.0
-
 _FIRST_BATCH = 64
 _LINEAR_RATE_SHARE = 0.1
 
@@ -167,7 +163,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         if self.settings.network.masked_input:
             inside = part.mask.to(target.dtype)[:, None]
             shown = [target * inside, inside]
-        seen = torch.cat([*shown, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
+        seen = torch.cat([*shown, *inputs], 1)
         return VaeBatch(**vars(part), base=base, inputs=seen, target=target)
 
     def encode_parts(self, parts: Mapping[str, VaeBatch]) -> Code:
