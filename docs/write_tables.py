@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from drapeline.dataset.card import markdown_table
-from drapeline.dataset.record import SPLITS, SampleRecord, read_record, solver_name
+from drapeline.dataset.record import SPLITS, SampleRecord, clip_name, read_record, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
@@ -156,14 +156,21 @@ def origin(results: Results) -> str:
     seeds = sorted(metrics["seed"].unique())
     held_out = metrics.loc[metrics["variant"] == "static_ppca", "n"].max()
     moving = sorted(metrics.loc[metrics["variant"] == "posed", "n"].unique())
+    clips = {
+        clip_name(record.meta, record.meta["id"])
+        for records in results.records.values()
+        for record in records
+        if record.accepted and record.meta["split"] == "test"
+    }
     return (
         f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
         f" {_by_solver(results.accepted(published=True))} are published;"
         f" {_by_solver(results.accepted(published=False))} more are there to learn from and to test"
         f" on; the test split has {held_out} garments at"
         f" rest, and {_span(moving)} moving sequences of"
-        " each of Garment4D's types. Brackets hold 95 % intervals over outfits, or over sequences"
-        " where garments move; they do not cover what another seed would change.\n"
+        f" each of Garment4D's types, in {len(clips)} clips. Brackets hold 95 % intervals over"
+        " outfits, or over clips where garments move; they do not cover what another seed would"
+        " change.\n"
     )
 
 

@@ -17,7 +17,7 @@ from toys.gcvae_files import torso_registration
 from toys.tiny_sample import TinySample, write_tiny_sample
 
 
-def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
+def moving_garment(body, split, name, *, wrinkle=0.0, seed=0, clip=""):
     """Cloth 2 cm over the torso that the body's own weights carry, wrinkles along X in rest."""
     rng = rng_for(seed, "moving", split, name)
     shape = rng.uniform(-1, 1, 10)
@@ -31,6 +31,7 @@ def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
         split,
         name,
         "blender",
+        clip or f"clip{seed}",
         "female",
         shape,
         poses,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import SPLITS, STATUS, read_meta, solver_name
+from drapeline.dataset.record import SPLITS, STATUS, clip_name, read_meta, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
@@ -23,6 +23,7 @@ class MovingGarment:
     split: str
     name: str
     source: str  # cloth solver that moved it
+    clip: str  # that the sample moves through
     gender: str
     shape: np.ndarray  # (10,)
     poses: np.ndarray  # (N, 72) rad
@@ -45,11 +46,12 @@ class MovingGarment:
 class MovingFiles:
     """Files of a garment of a simulated sample; not all garments fit into memory."""
 
-    # sample, split, name, source: as of `MovingGarment`.
+    # sample, split, name, source, clip: as of `MovingGarment`.
     sample: str
     split: str
     name: str
     source: str
+    clip: str
     folder: Path
     registration: Path  # folder of its registrations
 
@@ -65,6 +67,7 @@ class MovingFiles:
                 split=self.split,
                 name=self.name,
                 source=self.source,
+                clip=self.clip,
                 gender=sample.gender,
                 shape=np.asarray(sample.info.shape),
                 poses=np.asarray(sample.info.poses),
@@ -90,11 +93,14 @@ def moving_files(
     for folder, registration in zip(samples_of(samples), samples_of(registrations), strict=True):
         status = read_json(registration / "status.json", STATUS)
         if status["status"] == "accepted" and status["split"] in splits:
-            source = solver_name(read_meta(folder))
+            name, meta = status["id"], read_meta(folder)
+            source, clip = solver_name(meta), clip_name(meta, name)
             with Sample(folder) as sample:
-                names = sample.garments
-            for name in names:
-                yield MovingFiles(status["id"], status["split"], name, source, folder, registration)
+                worn = sample.garments
+            for garment in worn:
+                yield MovingFiles(
+                    name, status["split"], garment, source, clip, folder, registration
+                )
 
 
 def load_moving(

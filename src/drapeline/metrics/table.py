@@ -62,8 +62,8 @@ def summarise(
 ) -> Table:
     """Means over garments of each type and over all, with 95 % intervals.
 
-    Intervals come from 1000 bootstrap resamples of groups, since garments of one body, or frames
-    of one sequence, are not independent. With fewer than three groups there are none. Where
+    Intervals come from 1000 bootstrap resamples of groups, since garments of one body, or pieces
+    of one clip, are not independent. With fewer than three groups there are none. Where
     several solvers moved the garments there are rows of all and of each.
 
     Args:

@@ -27,7 +27,7 @@ def shards(*samples):
 
 def test_only_accepted_samples_are_loaded_root_relative(samples):
     found = list(load_moving(*shards(*samples), "train"))
-    assert {(m.sample, m.split) for m in found} == {("00001", "train")}
+    assert {(m.sample, m.split, m.clip) for m in found} == {("00001", "train", "walk")}
     assert {m.name for m in found} == {"Tshirt", "Skirt"}
     for moving in found:
         np.testing.assert_allclose(moving.cloth, samples[0].tiny.vertices[moving.name], atol=1e-5)

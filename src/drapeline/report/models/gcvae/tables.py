@@ -120,7 +120,7 @@ _SECTIONS = (
 )
 _ABOUT = (
     "Test split, which only evaluation reads. Means over garments (table 4: over frames), with"
-    " 95 % intervals from resampling outfits (table 4: sequences). The surface error is the mean"
+    " 95 % intervals from resampling outfits (table 4: clips). The surface error is the mean"
     " Euclidean distance between corresponding vertices within the true mask; the normals error is"
     " in degrees, on the true garment's faces; KL is summed over codes. The best of a column is"
     " green.",
