@@ -10,6 +10,7 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import SPLITS, STATUS, clip_name, read_meta, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import InputError
+from drapeline.learning_data.training_rows import rows_like
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
 from drapeline.storage import read_json
 
@@ -104,17 +105,24 @@ def moving_files(
 
 
 def load_moving(
-    samples: Iterable[str | Path], registrations: Iterable[str | Path], split: str
-) -> Iterator[MovingGarment]:
-    """Garments of the accepted samples of a split, each read when its turn comes.
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
+) -> dict[str, Iterator[MovingGarment]]:
+    """Garments of the accepted samples of splits, each read when its turn comes.
 
     Args:
         samples, registrations: see `moving_files`.
+        splits: to measure; of "train" at most as many garments of each type as of the first split.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    return (files.load() for files in moving_files(samples, registrations, [split]))
+    found: dict[str, list[MovingFiles]] = {split: [] for split in splits}
+    for one in moving_files(samples, registrations, splits):
+        found[one.split].append(one)
+    if "train" in found:
+        kinds, wanted = ([one.name for one in found[name]] for name in ("train", splits[0]))
+        found["train"] = [found["train"][index] for index in rows_like(kinds, wanted)]
+    return {split: (one.load() for one in some) for split, some in found.items()}
 
 
 def moving_files_test_first(

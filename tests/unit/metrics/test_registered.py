@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.baselines import fit_pca, static_baseline_summary
 from drapeline.metrics.registered import (
     Truth,
     add_kl,
@@ -92,7 +92,9 @@ def test_garments_of_one_outfit_are_dependent(garments):
 
 
 def test_baselines_are_learned_from_the_training_split_and_measured_on_others(truth, garments):
-    rows = static_baseline_summary(truth, garments, ["test"], components=8, seed=0)
+    pca = fit_pca(truth.offsets[:6], truth.mask[:6], components=8)
+    splits = {"test": garments.rows("test")}
+    rows = static_baseline_summary(truth, garments, splits, pca, seed=0)
     assert set(rows["split"]) == {"test"}
     assert set(rows["variant"]) == {"registered", "mean_garment", "nearest_cvar", "pca"}
     error = {

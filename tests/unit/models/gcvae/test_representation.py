@@ -60,9 +60,9 @@ def test_registered_offsets_give_back_what_was_registered(garments, held_out):
 def test_pca_gives_training_garments_back_if_it_has_as_many_components(garments):
     rows = garments.rows("train")[:3]
     training = [HeldOutGarment(row, "", "", as_registered(garments, row)) for row in rows]
-    pca = OffsetPca(garments, toy_template(), 64)
+    pca = OffsetPca(garments, toy_template(), 64, seed=0)
     assert pca.code_numbers("Dress") == len(pca._pca.axes) <= 64
-    assert OffsetPca(garments, toy_template(), 2).code_numbers("Dress") == 2
+    assert OffsetPca(garments, toy_template(), 2, seed=0).code_numbers("Dress") == 2
     for one, mesh in zip(training, pca.rebuild(training), strict=True):
         assert_same(mesh, one.mesh, atol=1e-5)
 
