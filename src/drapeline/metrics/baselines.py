@@ -5,7 +5,7 @@ PCA, like an autoencoder, is given the garment itself and reconstructs it from a
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,10 +90,13 @@ class GarmentPca:
     """Principal components of offsets, and the mask that goes with them by linear regression."""
 
     mean: np.ndarray  # (3V,) metres
-    axes: np.ndarray  # (C, 3V) orthonormal
+    axes: np.ndarray  # (C, 3V) orthonormal, by falling variance
     mask_mean: np.ndarray  # (V,)
     mask_axes: np.ndarray  # (C, V), mask per unit of coefficient
-    explained: float  # share of the training variance that the components hold
+
+    def first(self, count: int) -> "GarmentPca":
+        """The same with its first components alone."""
+        return replace(self, axes=self.axes[:count], mask_axes=self.mask_axes[:count])
 
     def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""
@@ -140,8 +143,7 @@ def fit_pca(offsets: np.ndarray, mask: np.ndarray, components: int) -> GarmentPc
     # Coefficients are uncorrelated, so that each one's regression is independent of the others.
     code = (vectors * np.sqrt(values)).astype(np.float32)
     mask_axes = code.T @ (covered - mask_mean) / values[:, None].astype(np.float32)
-    total = float((data.astype(np.float64) ** 2).sum())
-    return GarmentPca(mean, axes, mask_mean, mask_axes, float(values.sum()) / max(total, 1e-30))
+    return GarmentPca(mean, axes, mask_mean, mask_axes)
 
 
 def _row_products(data: np.ndarray) -> np.ndarray:

@@ -40,6 +40,8 @@ VARIANTS = {
         "static_ppca": Variant(_PPCA),
         "svae": Variant("Garment VAE"),
         "body_pca": Variant("PCA of offsets"),
+        "static_ppca_*": Variant(f"{_PPCA}, {{}} numbers"),
+        "body_pca_*": Variant("PCA of offsets, {} numbers"),
         "body_registered": Variant("No code: registered to the body", competes=False),
     },
     "scan": {

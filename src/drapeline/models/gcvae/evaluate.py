@@ -42,6 +42,7 @@ from drapeline.models.gcvae.moving_baselines import (
     MovingBaselines,
     moving_baseline_summary,
 )
+from drapeline.models.gcvae.ppca import GarmentPpca
 from drapeline.models.gcvae.representation import (
     CodeScanFitter,
     FitCode,
@@ -229,16 +230,23 @@ def evaluate_dynamic(job: Job) -> None:
 
 
 def compare_codes(job: Job) -> None:
-    """Held-out garments as offsets, PCA and codes of the garment VAEs."""
+    """Held-out garments as offsets, PCA and codes of the garment VAEs, PCA also in short codes."""
     given, params = job.input, job.params
-    data = StaticData(given.data)
+    data, count = StaticData(given.data), params.short_code
     codecs = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in given.models}
     template = next(iter(codecs.values())).body_template
+    pca = fit_training_pca(data, template.mirror, components=params.components, seed=params.seed)
+    components = {"body_pca": pca}
+    if count < len(pca.axes):
+        components[f"body_pca_{count}"] = pca.first(count)
+    for name, model in list(codecs.items()):
+        if isinstance(model, GarmentPpca) and count < model.latent:
+            codecs[f"{name}_{count}"] = model.first(count)
     compare(
         job,
         [
             RegisteredOffsets(data, template),
-            OffsetPca(data, template, params.components, params.seed),
+            *(OffsetPca(variant, one, data, template) for variant, one in components.items()),
             *(VaeCode(variant, model, data) for variant, model in codecs.items()),
         ],
     )

@@ -281,11 +281,12 @@ class _GcvaeTasks:
             },
             {
                 "components": self.settings["evaluation"]["pca_components"],
+                "short_code": self.settings["evaluation"]["short_code"],
                 "garments": self.files.compared_garments,
                 "split": EVALUATED_SPLITS[0],
                 "seed": self.seed,
             },
-            seconds=1200,
+            seconds=1800,
             megabytes=2500,
             checks=[self.files.resting_in(*EVALUATED_SPLITS)],
         )

@@ -306,6 +306,16 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         )
         self.ppca.set_fit(fit._replace(noise=fit.noise.clamp_min(self.constants.noise)))
 
+    def first(self, count: int) -> "GarmentPpca":
+        """The same fit with its first components alone, by falling variance, ready to encode.
+
+        Its codes are not the first numbers of the longer ones: the posterior looks at these alone.
+        """
+        cut = type(self)(self.settings.replace(latent=count), self.body_template)
+        whole = self.ppca
+        cut.ppca.set_fit(PpcaFit(whole.regression, whole.basis[:count], whole.noise))
+        return cut.eval()
+
     def _known_fields(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Fields (n, V * channels), where they are known, and normalised conditions (n, C)."""
         parts = self.parts(as_tensors(batch))

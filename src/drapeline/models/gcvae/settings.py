@@ -232,8 +232,17 @@ class Evaluation(Settings):
         ge=1,
         le=4096,
         description=(
-            "Components of the principal component baseline; at most one less than the number of "
+            "Components of the principal component baselines; at most one less than the number of "
             "training garments."
+        ),
+    )
+    short_code: int = Field(
+        18,
+        ge=1,
+        le=1024,
+        description=(
+            "Numbers of the short codes of PCA and masked PCA, which are compared with the codes "
+            "of other models; by default as many as SMPLicit's have."
         ),
     )
 

@@ -1,5 +1,7 @@
 """Probabilistic PCA against its closed form, with missing data, and of garments."""
 
+import copy
+
 import numpy as np
 import pytest
 import torch
@@ -155,6 +157,23 @@ def test_the_mean_of_the_prior_is_the_regression_on_the_conditions(fitted):
     field = (one @ fitted.ppca.regression.numpy()).reshape(len(one), -1, fitted.channels)
     expected = field[..., :3] * constants.unit_m + template.offset_mean
     np.testing.assert_allclose(offsets.numpy(), expected, atol=1e-5)
+
+
+def test_a_short_code_is_the_posterior_of_its_own_components(fitted):
+    """It is that of a fit whose other components are nothing, and not the long code cut off."""
+    batch = as_tensors(ToyGarments().batch(np.arange(9)))
+    short = fitted.first(3)
+    assert (short.latent, len(short.ppca.basis)) == (3, 3)
+    silent = copy.deepcopy(fitted)
+    silent.ppca.basis[3:] = 0
+    code, expected, whole = (model.encode(batch) for model in (short, silent, fitted))
+    torch.testing.assert_close(code.mean, expected.mean[:, :3])
+    torch.testing.assert_close(expected.mean[:, 3:], torch.zeros_like(expected.mean[:, 3:]))
+    assert not torch.allclose(code.mean, whole.mean[:, :3], atol=1e-3)
+    given = batch["cvar"], batch["topology"]
+    torch.testing.assert_close(
+        short.decode(code.mean, *given), silent.decode(expected.mean, *given)
+    )
 
 
 def test_pca_and_masked_pca_learn_from_the_same_rows_and_images(monkeypatch):
