@@ -41,10 +41,11 @@ USUAL = ROOT / "src/snakemake_logger_plugin_drapeline/seconds.json"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
 STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
-RECONSTRUCTED = ("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_pca")
+FLOOR = ("again_rest_shape", "again_other_solver")
+RECONSTRUCTED = ("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_pca", *FLOOR)
 PREDICTED = (
     *("dynamic_ppca_prior", "dvae_unposed_4_prior", "wrinkle_ridge"),
-    *("skinned_mean", "skinned_static", "skinned_mean_garment"),
+    *("skinned_mean", "skinned_static", "skinned_mean_garment", *FLOOR),
 )
 POSED = ("lbs", "untrained", "mgn", "posed", "ours")
 HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")

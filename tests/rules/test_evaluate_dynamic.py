@@ -148,6 +148,30 @@ def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):
     assert find_value(rows, "moving", "test", "Tshirt", "inside_share") is not None
 
 
+def test_test_garments_are_simulated_again(run_rule, stages, tmp_path):
+    """By another solver than their own, whose cloth follows the body."""
+    made = stages["topology"].parent
+    run_rule(
+        "drapeline.models.gcvae.floor:evaluate_floor",
+        input={**stages, "outfits": [made / "outfits"], "motions": [made / "bodies"]},
+        output=[tmp_path / "floor"],
+        params={
+            "solver": "toys.cloth",
+            "samples": ["00001", "00002"],  # the first is of another split
+            "split": "test",
+            "step": 2,
+            "seed": 0,
+        },
+    )
+    rows = read_metrics(tmp_path / "floor/metrics.tsv")
+    assert {(row.model, row.variant) for row in rows.itertuples()} == {
+        ("truth", "again_other_solver")
+    }
+    error = find_value(rows, "again_other_solver", "test", "all", "surface_error_mm")
+    assert error.n == 6
+    assert error.value > 0
+
+
 def test_figure_10_has_its_four_rows(run_rule, stages_of_either, tmp_path):
     run_rule(
         "drapeline.models.gcvae.figures:plot_wrinkles",

@@ -24,7 +24,7 @@ META = {
     "outfit?": {"garments?": [{"name": str, "fabric?": str, "texture?": {"data?": 3 * [float]}}]},
     "garments?": dict,
     "health?": dict,
-    "simulation?": {"solver?": {"name?": str}},
+    "simulation?": {"solver?": {"name?": str}, "attempts?": [dict]},
     "self_collision?": dict,
 }
 STATUS = {"id": str, "status": str, "split": str}

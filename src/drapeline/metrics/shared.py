@@ -35,6 +35,12 @@ VARIANTS = {
     "truth": {
         "registered": Variant("Ground truth itself", competes=False),
         "moving": Variant("Ground truth itself", competes=False),
+        "again_rest_shape": Variant(
+            "The same garment, its rest shape changed by 1 mm, simulated again", competes=False
+        ),
+        "again_other_solver": Variant(
+            "The same garment, simulated by the fast solver", competes=False
+        ),
     },
     "scan": {
         "scan_body_estimated": Variant("Body as estimated"),

@@ -1,6 +1,7 @@
 """What an experiment does with the garment VAEs."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
@@ -193,6 +194,8 @@ class _GcvaeTasks:
         ):
             for name in names:
                 found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))
+        if self.simulated_again:
+            found["dynamic_floor"] = (self._floor(), always)
         found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
             found["scans"] = (self._fit_scans(), ("scans",))
@@ -236,6 +239,38 @@ class _GcvaeTasks:
             megabytes=3500 + 100 * size,
             checks=[self.files.moving_in("train", "val")],
             parallel=True,
+        )
+
+    @cached_property
+    def simulated_again(self) -> list[str]:
+        """Test samples, to tell how far they are from themselves then."""
+        count = self.settings["evaluation"]["floor_samples"]
+        return self.files.first_of_split(count, EVALUATED_SPLITS[0])
+
+    def _floor(self) -> Task:
+        samples, files = self.simulated_again, self.files
+        super_bodies = {f"super_{gender}": path for gender, path in files.super_bodies.items()}
+        return Task(
+            f"{_HERE}.floor:evaluate_floor",
+            {
+                **files.bodies,
+                **super_bodies,
+                "topology": files.topology,
+                "samples": files.shards_of(files.samples, samples),
+                "registrations": files.shards_of(files.registrations, samples),
+                "outfits": files.shards_of(files.outfits, samples),
+                "motions": files.shards_of(files.moving_bodies, samples),
+            },
+            {
+                "solver": files.hanging_solver,
+                "samples": samples,
+                "split": EVALUATED_SPLITS[0],
+                "step": self.settings["dvae"]["frame_step"],
+                "seed": self.seed,
+            },
+            seconds=20 * len(samples),
+            megabytes=1500,
+            modules=[files.hanging_solver],
         )
 
     def _evaluate_static(self, name: str) -> Task:

@@ -236,6 +236,15 @@ class Evaluation(Settings):
             "training garments."
         ),
     )
+    floor_samples: int = Field(
+        20,
+        ge=0,
+        le=99_999,
+        description=(
+            "Test samples of each group that are simulated again, to tell how far a garment in "
+            "motion is from itself; 0 leaves this out."
+        ),
+    )
     short_code: int = Field(
         18,
         ge=1,

@@ -81,15 +81,16 @@ _SHOWN = (
     *("predicted_to_true_mm", "true_to_predicted_mm", *_INSIDE, "pieces"),
 )
 _STATIC = (*variants("svae"), "static_ppca", "pca", "mean_garment", "nearest_cvar", "registered")
+_FLOOR = ("again_rest_shape", "again_other_solver")
 _UNSEEN = "_prior"  # ends the names of models that do not see the frame
 _RECONSTRUCTED = (
     *(name for name in variants("dvae") if not name.endswith(_UNSEEN)),
-    *("dynamic_ppca", "dynamic_ppca_settled", "wrinkle_pca"),
+    *("dynamic_ppca", "dynamic_ppca_settled", "wrinkle_pca", *_FLOOR),
 )
 _PREDICTED = (
     *(name for name in variants("dvae") if name.endswith(_UNSEEN)),
     *("dynamic_ppca_prior", "wrinkle_ridge", "skinned_mean", "skinned_static"),
-    "skinned_mean_garment",
+    *("skinned_mean_garment", *_FLOOR),
 )
 _by_type = partial(
     MetricTable, metrics=(*_SHOWN, *_PRINTED_METRICS), garments=(*GARMENTS, ALL), down=["garment"]
