@@ -42,12 +42,8 @@ class WrinkleRidge:
     cvar_mean: np.ndarray  # (types, C)
     cvar_std: np.ndarray  # (C,) over all types
     weights: np.ndarray  # (C, 3V) metres
+    penalty: float  # that was chosen, counted in frames
     errors_mm: Mapping[float, float]  # penalty -> surface error on the validation frames
-
-    @property
-    def penalty(self) -> float:
-        """The one that was chosen."""
-        return min(self.errors_mm, key=self.errors_mm.__getitem__)
 
     def save(self, path: Path) -> None:
         """Write the penalty, and what every one reached, as JSON."""
@@ -128,7 +124,7 @@ def fit_ridge(training: WrinkleRows, validation: WrinkleRows) -> WrinkleRidge:
     }
     best = min(errors, key=errors.__getitem__)
     weights = (axes / (sizes + best)).astype(np.float32) @ turned
-    return WrinkleRidge(mean, cvar_mean, std, weights, errors)
+    return WrinkleRidge(mean, cvar_mean, std, weights, best, errors)
 
 
 def _error_mm(
