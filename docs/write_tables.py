@@ -21,10 +21,11 @@ import numpy as np
 import pandas as pd
 
 from drapeline.dataset.card import markdown_table
-from drapeline.dataset.record import SPLITS, SampleRecord, read_record, solver_name
+from drapeline.dataset.record import SPLITS, SampleRecord, clip_name, read_record, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
+from drapeline.metrics.shared import TRAINING_ERROR
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
@@ -40,22 +41,27 @@ USUAL = ROOT / "src/snakemake_logger_plugin_drapeline/seconds.json"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
 STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
-DYNAMIC = (
-    *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4"),
-    *("skinned_static", "skinned_mean"),
+FLOOR = ("again_rest_shape", "again_other_solver")
+RECONSTRUCTED = ("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_pca", *FLOOR)
+PREDICTED = (
+    *("dynamic_ppca_prior", "dvae_unposed_4_prior", "wrinkle_ridge"),
+    *("skinned_mean", "skinned_static", "skinned_mean_garment", *FLOOR),
 )
 POSED = ("lbs", "untrained", "mgn", "posed", "ours")
 HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")
 SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
 
+ERRORS = ("surface_error_mm", TRAINING_ERROR, "normal_error_deg")
 by_type = partial(MetricTable, across="garment", count="")
 METRIC_TABLES = {
-    "static": MetricTable(STATIC, ("surface_error_mm", "normal_error_deg", "mask_iou"), count=""),
+    "static": MetricTable(STATIC, (*ERRORS, "mask_iou", "active_units"), count=""),
     "static_by_type": by_type(STATIC, ["surface_error_mm"], GARMENTS),
-    "dynamic": MetricTable(
-        DYNAMIC, ("surface_error_mm", "normal_error_deg", "inside_share"), count=""
+    "reconstructed": MetricTable(
+        RECONSTRUCTED, (*ERRORS, "inside_share", "active_units"), count=""
     ),
-    "dynamic_by_type": by_type(DYNAMIC, ["surface_error_mm"], GARMENTS),
+    "reconstructed_by_type": by_type(RECONSTRUCTED, ["surface_error_mm"], GARMENTS),
+    "predicted": MetricTable(PREDICTED, (*ERRORS, "inside_share"), count=""),
+    "predicted_by_type": by_type(PREDICTED, ["surface_error_mm"], GARMENTS),
     "canonical": by_type(
         ("canonical", "regression", "pointnet", "mean_garment", "pca"),
         ["canonical_error_mm"],
@@ -70,7 +76,7 @@ METRIC_TABLES = {
     "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
     "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
     "by_solver": MetricTable(
-        (*DYNAMIC, "regression", "canonical", "untrained", "posed", "ours"),
+        (*RECONSTRUCTED, *PREDICTED, "regression", "canonical", "untrained", "posed", "ours"),
         ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
         (*TEMPLATE_TYPES, ALL),
         down=("metric", "garment", "variant"),
@@ -156,14 +162,21 @@ def origin(results: Results) -> str:
     seeds = sorted(metrics["seed"].unique())
     held_out = metrics.loc[metrics["variant"] == "static_ppca", "n"].max()
     moving = sorted(metrics.loc[metrics["variant"] == "posed", "n"].unique())
+    clips = {
+        clip_name(record.meta, record.meta["id"])
+        for records in results.records.values()
+        for record in records
+        if record.accepted and record.meta["split"] == "test"
+    }
     return (
         f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
         f" {_by_solver(results.accepted(published=True))} are published;"
         f" {_by_solver(results.accepted(published=False))} more are there to learn from and to test"
         f" on; the test split has {held_out} garments at"
         f" rest, and {_span(moving)} moving sequences of"
-        " each of Garment4D's types. Brackets hold 95 % intervals over outfits, or over sequences"
-        " where garments move; they do not cover what another seed would change.\n"
+        f" each of Garment4D's types, in {len(clips)} clips. Brackets hold 95 % intervals over"
+        " outfits, or over clips where garments move; they do not cover what another seed would"
+        " change.\n"
     )
 
 

@@ -470,7 +470,7 @@ def _make_moving(folder: Path) -> None:
 
 
 def _load_moving(folder: Path) -> Any:
-    return list(load_moving([folder / "samples"], [folder / "registration"], "train"))
+    return list(load_moving([folder / "samples"], [folder / "registration"], ["train"])["train"])
 
 
 def _make_dynamic(folder: Path) -> None:

@@ -38,10 +38,10 @@ FRAMES = 4
 
 @pytest.fixture(scope="module")
 def stages(toy_body, tmp_path_factory):
-    """Two samples with their registrations, bodies, topology and both networks, as rule inputs."""
+    """Three samples, their registrations, bodies, topology and both networks, as rule inputs."""
     made = tmp_path_factory.mktemp("stages")
     samples, registrations = [], []
-    for name, split in (("00001", "train"), ("00002", "test")):
+    for name, split in (("00001", "train"), ("00002", "test"), ("00003", "val")):
         tiny = write_tiny_sample(made, toy_body, name, split)
         folder = made / "registration" / name
         write_json(folder / "status.json", {"id": name, "status": "accepted", "split": split})
@@ -85,15 +85,21 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, stages, tmp_path):
         "drapeline.models.gcvae.evaluate:evaluate_dynamic",
         input=stages,
         output=[tmp_path / "dvae"],
-        params={"splits": ["val", "test"], "frames": FRAMES, "variant": "dvae_unposed_4"},
+        params={"splits": ["test", "train"], "frames": FRAMES, "variant": "dvae_unposed_4"},
     )
     rows = read_metrics(tmp_path / "dvae/metrics.tsv")
     assert {(r.model, r.variant, r.split) for r in rows.itertuples()} == {
-        ("dvae", "dvae_unposed_4", "test")
+        ("dvae", f"dvae_unposed_4{end}", split)
+        for end in ("", "_prior")
+        for split in ("test", "train")
     }
     error = find_value(rows, "dvae_unposed_4", "test", "all", "surface_error_mm")
     assert error.n == 6  # every second of six frames, of two garments
     assert find_value(rows, "dvae_unposed_4", "test", "Skirt", "kl_nat") is not None
+    units = find_value(rows, "dvae_unposed_4", "test", "all", "active_units")
+    assert units.value == int(units.value) <= SETTINGS.network.latent
+    for metric in ("kl_nat", "active_units"):
+        assert find_value(rows, "dvae_unposed_4_prior", "test", "all", metric) is None
 
 
 @pytest.fixture(scope="module")
@@ -132,12 +138,38 @@ def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):
         "drapeline.models.gcvae.evaluate:evaluate_dynamic_baselines",
         input=stages,
         output=[tmp_path / "baselines"],
-        params={"splits": ["val", "test"], "step": 2, "seed": 0},
+        params={"splits": ["test", "train"], "frames": FRAMES, "components": 3, "seed": 0},
     )
     rows = read_metrics(tmp_path / "baselines/metrics.tsv")
-    for name in ("skinned_static", "skinned_mean"):
+    names = "skinned_static", "skinned_mean", "skinned_mean_garment", "wrinkle_ridge", "wrinkle_pca"
+    for name in names:
         assert find_value(rows, name, "test", "all", "surface_error_mm").n == 6
+    assert (tmp_path / "baselines/ridge.json").is_file()
     assert find_value(rows, "moving", "test", "Tshirt", "inside_share") is not None
+
+
+def test_test_garments_are_simulated_again(run_rule, stages, tmp_path):
+    """By another solver than their own, whose cloth follows the body."""
+    made = stages["topology"].parent
+    run_rule(
+        "drapeline.models.gcvae.floor:evaluate_floor",
+        input={**stages, "outfits": [made / "outfits"], "motions": [made / "bodies"]},
+        output=[tmp_path / "floor"],
+        params={
+            "solver": "toys.cloth",
+            "samples": ["00001", "00002"],  # the first is of another split
+            "split": "test",
+            "step": 2,
+            "seed": 0,
+        },
+    )
+    rows = read_metrics(tmp_path / "floor/metrics.tsv")
+    assert {(row.model, row.variant) for row in rows.itertuples()} == {
+        ("truth", "again_other_solver")
+    }
+    error = find_value(rows, "again_other_solver", "test", "all", "surface_error_mm")
+    assert error.n == 6
+    assert error.value > 0
 
 
 def test_figure_10_has_its_four_rows(run_rule, stages_of_either, tmp_path):

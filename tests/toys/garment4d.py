@@ -53,6 +53,7 @@ def toy_sequence(
         name=f"{number:05d}",
         source=source,
         split=split,
+        clip=f"clip{number % 3}",
         gender="female",
         shape=shape,
         poses=poses,

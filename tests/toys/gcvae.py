@@ -34,6 +34,12 @@ def tube() -> np.ndarray:
     return np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), height], 1)
 
 
+def tube_mirror() -> np.ndarray:
+    """(V,) vertices of the tube on the other side of x = 0."""
+    ring, step = np.divmod(np.arange(VERTICES), AROUND)
+    return ring * AROUND + (AROUND // 2 - step) % AROUND
+
+
 def hierarchy(faces: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Edges of every level and parents of all but the last: nearest of evenly chosen nodes."""
     points, graph = tube(), edges(faces)

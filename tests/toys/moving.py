@@ -1,7 +1,9 @@
 """Garments in motion over the torso, and the files of samples that wear them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +13,15 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.frames import REST_POSE
 from drapeline.learning_data.moving import MovingGarment
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets
 from drapeline.seeding import rng_for
 from drapeline.storage import write_json
 from toys.gcvae_files import torso_registration
 from toys.tiny_sample import TinySample, write_tiny_sample
 
 
-def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
+def moving_garment(body, split, name, *, wrinkle=0.0, seed=0, clip=""):
     """Cloth 2 cm over the torso that the body's own weights carry, wrinkles along X in rest."""
     rng = rng_for(seed, "moving", split, name)
     shape = rng.uniform(-1, 1, 10)
@@ -31,12 +35,46 @@ def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
         split,
         name,
         "blender",
+        clip or f"clip{seed}",
         "female",
         shape,
         poses,
         registered,
         np.zeros((0, 3), dtype=np.int32),
         cloth.astype(np.float32),
+    )
+
+
+def moving_data(garments: Sequence[MovingGarment], body: BodyModel) -> SimpleNamespace:
+    """Every frame of garments with pose-invariant offsets, like a `DynamicData`."""
+    counts = [len(one.poses) for one in garments]
+    index = np.repeat(np.arange(len(garments)), counts)
+    shapes = np.stack([one.shape for one in garments]).astype(np.float32)
+    poses = np.concatenate([one.poses for one in garments]).astype(np.float32)
+    names = {key: np.array([getattr(one, key) for one in garments]) for key in ("sample", "split")}
+    garment = np.array([GARMENTS.index(one.name) for one in garments])
+    return SimpleNamespace(
+        **names,
+        version="unposed",
+        garment=garment,
+        garment_index=index,
+        frame=np.concatenate([np.arange(count) for count in counts]),
+        poses=np.repeat(poses[:, None], 4, 1),
+        mask=np.stack([one.registered.mask for one in garments]),
+        static=np.stack([one.registered.offsets for one in garments]),
+        offsets=np.concatenate(
+            [
+                dynamic_offsets(one.registered, one.cloth, body, one.shape, one.poses, "unposed")
+                for one in garments
+            ]
+        ),
+        base=np.zeros((len(index), 0)),
+        rows=lambda split: np.flatnonzero(names["split"][index] == split),
+        rows_of=lambda sample, name: np.flatnonzero(
+            (names["sample"][index] == sample) & (garment[index] == GARMENTS.index(name))
+        ),
+        topology=lambda rows: np.zeros(len(rows), dtype=int),
+        cvar=lambda own: np.concatenate([shapes[own], np.zeros((len(own), 3), np.float32)], 1),
     )
 
 

@@ -38,7 +38,7 @@ TASKS = {
 }
 # Whose garments hang, or are simulated.
 SIMULATED = {
-    *("smplicit/evaluated/images", "smplicit/evaluated/scans"),
+    *("smplicit/evaluated/images", "smplicit/evaluated/scans", "gcvae/evaluated/dynamic_floor"),
     *(f"smplicit/pose_smplicit_{name}" for name in ("upper", "trousers", "skirt", "whole")),
 }
 EVALUATED = {name for name in TASKS if name.startswith("gcvae/evaluated/")}

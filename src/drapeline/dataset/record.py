@@ -1,6 +1,7 @@
 """Records of written samples (`meta.json` and file sizes), and fingerprints of bodies."""
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ META = {
     "outfit?": {"garments?": [{"name": str, "fabric?": str, "texture?": {"data?": 3 * [float]}}]},
     "garments?": dict,
     "health?": dict,
-    "simulation?": {"solver?": {"name?": str}},
+    "simulation?": {"solver?": {"name?": str}, "attempts?": [dict]},
     "self_collision?": dict,
 }
 STATUS = {"id": str, "status": str, "split": str}
@@ -97,6 +98,12 @@ def read_meta(folder: str | Path) -> dict[str, Any]:
 def solver_name(meta: Mapping[str, Any]) -> str:
     """The cloth solver that made a sample; empty if its record does not say."""
     return meta.get("simulation", {}).get("solver", {}).get("name", "")
+
+
+def clip_name(meta: Mapping[str, Any], sample: str) -> str:
+    """The clip that a sample's motion is a piece of; its own name if its record does not say."""
+    piece = meta.get("motion", {}).get("sequence", "")
+    return re.sub(r"_s\d+$", "", piece) or sample
 
 
 def outfit_text(meta: Mapping[str, Any]) -> str:

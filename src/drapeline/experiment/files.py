@@ -60,6 +60,11 @@ class ExperimentFiles:
         return f"{self.results}/outfits/{{group}}/{{shard}}"
 
     @property
+    def moving_bodies(self) -> str:
+        """Pattern of bodies in motion."""
+        return f"{self.results}/bodies/{{group}}/{{shard}}"
+
+    @property
     def registrations(self) -> str:
         """Pattern of garments registered to the body."""
         return f"{self.results}/registration/{{group}}/{{shard}}"

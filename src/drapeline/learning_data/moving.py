@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import SPLITS, STATUS, read_meta, solver_name
+from drapeline.dataset.record import SPLITS, STATUS, clip_name, read_meta, solver_name
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import InputError
+from drapeline.learning_data.training_rows import rows_like
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
 from drapeline.storage import read_json
 
@@ -23,6 +24,7 @@ class MovingGarment:
     split: str
     name: str
     source: str  # cloth solver that moved it
+    clip: str  # that the sample moves through
     gender: str
     shape: np.ndarray  # (10,)
     poses: np.ndarray  # (N, 72) rad
@@ -45,11 +47,12 @@ class MovingGarment:
 class MovingFiles:
     """Files of a garment of a simulated sample; not all garments fit into memory."""
 
-    # sample, split, name, source: as of `MovingGarment`.
+    # sample, split, name, source, clip: as of `MovingGarment`.
     sample: str
     split: str
     name: str
     source: str
+    clip: str
     folder: Path
     registration: Path  # folder of its registrations
 
@@ -65,6 +68,7 @@ class MovingFiles:
                 split=self.split,
                 name=self.name,
                 source=self.source,
+                clip=self.clip,
                 gender=sample.gender,
                 shape=np.asarray(sample.info.shape),
                 poses=np.asarray(sample.info.poses),
@@ -90,25 +94,35 @@ def moving_files(
     for folder, registration in zip(samples_of(samples), samples_of(registrations), strict=True):
         status = read_json(registration / "status.json", STATUS)
         if status["status"] == "accepted" and status["split"] in splits:
-            source = solver_name(read_meta(folder))
+            name, meta = status["id"], read_meta(folder)
+            source, clip = solver_name(meta), clip_name(meta, name)
             with Sample(folder) as sample:
-                names = sample.garments
-            for name in names:
-                yield MovingFiles(status["id"], status["split"], name, source, folder, registration)
+                worn = sample.garments
+            for garment in worn:
+                yield MovingFiles(
+                    name, status["split"], garment, source, clip, folder, registration
+                )
 
 
 def load_moving(
-    samples: Iterable[str | Path], registrations: Iterable[str | Path], split: str
-) -> Iterator[MovingGarment]:
-    """Garments of the accepted samples of a split, each read when its turn comes.
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
+) -> dict[str, Iterator[MovingGarment]]:
+    """Garments of the accepted samples of splits, each read when its turn comes.
 
     Args:
         samples, registrations: see `moving_files`.
+        splits: to measure; of "train" at most as many garments of each type as of the first split.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    return (files.load() for files in moving_files(samples, registrations, [split]))
+    found: dict[str, list[MovingFiles]] = {split: [] for split in splits}
+    for one in moving_files(samples, registrations, splits):
+        found[one.split].append(one)
+    if "train" in found:
+        kinds, wanted = ([one.name for one in found[name]] for name in ("train", splits[0]))
+        found["train"] = [found["train"][index] for index in rows_like(kinds, wanted)]
+    return {split: (one.load() for one in some) for split, some in found.items()}
 
 
 def moving_files_test_first(

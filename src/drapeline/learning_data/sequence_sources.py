@@ -9,7 +9,7 @@ import numpy as np
 from drapeline.bodies.model import load_bodies
 from drapeline.dataset.point_clouds import load_clouds
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import solver_name
+from drapeline.dataset.record import clip_name, solver_name
 from drapeline.dataset.shards import samples_named, samples_of
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
@@ -45,11 +45,13 @@ def simulated_sequences(
             continue
         sample = Sample(folder)
         table, mesh, info = _table(tables, sample.id, garment), sample.mesh(garment), sample.info
+        meta = sample.meta or {}
         sequences.append(
             GarmentSequence(
                 name=sample.id,
-                source=solver_name(sample.meta or {}),
+                source=solver_name(meta),
                 split=cloud.about["split"],
+                clip=clip_name(meta, sample.id),
                 gender=info.gender,
                 shape=np.asarray(info.shape),
                 poses=np.asarray(info.poses),
@@ -102,6 +104,7 @@ def skinned_sequences(
                     name=one.name,
                     source=SKINNED,
                     split=one.split,
+                    clip=one.sample,
                     gender=one.gender,
                     shape=one.shape,
                     poses=one.poses,

@@ -35,7 +35,7 @@ from drapeline.storage import (
 # What a sequence is: simulated cloth, or a garment at rest that skinning moves.
 SIMULATED, SKINNED = KINDS = ("simulated", "skinned")
 _PER_SEQUENCE = {
-    **dict.fromkeys(("name", "source", "split"), "str s"),
+    **dict.fromkeys(("name", "source", "split", "clip"), "str s"),
     **dict.fromkeys(("start", "count"), "int s"),
     "shape": "float s 10",
     "gender": f"int<{len(GENDERS)} s",
@@ -52,6 +52,7 @@ class GarmentSequence:
     name: str  # of the sequence; no other of the same type has it
     source: str  # the cloth solver that moved the garment, or `SKINNED` where skinning weights did
     split: str  # "train", "val" or "test"
+    clip: str  # that it moves through; of a skinned one, the sample whose motion it has
     gender: str  # "female" or "male"
     shape: np.ndarray  # (10,)
     poses: np.ndarray  # (T, 72) rad
@@ -112,7 +113,7 @@ def collect_sequences(
             shape=np.stack([one.shape for one in sequences]).astype(np.float32),
             **{
                 key: np.array([getattr(one, key) for one in sequences])
-                for key in ("name", "source", "split")
+                for key in ("name", "source", "split", "clip")
             },
             gender=np.array([GENDERS.index(one.gender) for one in sequences]),
         )
@@ -197,7 +198,7 @@ class SequenceData:
         label: its code in `LABELS`.
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
         poses, number: (F, 72) and (F,) frame numbers in the motion.
-        name, source, split, start, count: (S,) of the sequences; start is their first row.
+        name, source, split, clip, start, count: (S,) of the sequences; start is their first row.
         shape, gender: (S, 10) and (S,) "female" or "male".
         canonical, coefficients: (S, N, 3), (S, D).
 
@@ -219,6 +220,7 @@ class SequenceData:
         components, vertices, _ = self.space.components.shape
         table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
         self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
+        self.clip = table["clip"]
         self.start, self.count = table["start"], table["count"]
         self.shape, self.gender = table["shape"], gender_names(table["gender"])
         self.canonical, self.coefficients = table["canonical"], table["coefficients"]

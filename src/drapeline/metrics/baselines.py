@@ -1,39 +1,32 @@
-"""Predictions of garments that need no network, and their metrics.
+"""Predictions of garments at rest that need no network, and their metrics.
 
 The mean garment and the nearest neighbour know only a garment's type and conditioning variables;
-PCA, like an autoencoder, is given the garment itself and reconstructs it from a small code. In
-motion, the garment at rest is skinned, without and with the mean wrinkles of its type.
+PCA, like an autoencoder, is given the garment itself and reconstructs it from a small code.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel
-from drapeline.errors import InputError
-from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.metric import Measured
+from drapeline.learning_data.training_rows import (
+    MirroredGarments,
+    linear_rows,
+    with_mirror_images,
+)
 from drapeline.metrics.registered import (
     StaticRows,
     Truth,
-    measure_inside,
-    measure_motion,
     measure_predictions,
     measure_truth,
     measured_at_rest,
-    measured_in_motion,
 )
 from drapeline.metrics.table import join, summarise
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets, points_from_offsets
-from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
-PCA_ROWS_MAX = 4000
 _BLOCK = 8192  # columns
-STILL, MEAN = "skinned_static", "skinned_mean"
 
 
 @dataclass(frozen=True)
@@ -97,10 +90,13 @@ class GarmentPca:
     """Principal components of offsets, and the mask that goes with them by linear regression."""
 
     mean: np.ndarray  # (3V,) metres
-    axes: np.ndarray  # (C, 3V) orthonormal
+    axes: np.ndarray  # (C, 3V) orthonormal, by falling variance
     mask_mean: np.ndarray  # (V,)
     mask_axes: np.ndarray  # (C, V), mask per unit of coefficient
-    explained: float  # share of the training variance that the components hold
+
+    def first(self, count: int) -> "GarmentPca":
+        """The same with its first components alone."""
+        return replace(self, axes=self.axes[:count], mask_axes=self.mask_axes[:count])
 
     def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""
@@ -109,35 +105,45 @@ class GarmentPca:
         return (self.mean + code @ self.axes).reshape(-1, 3), mask
 
 
-def fit_pca(
-    offsets: np.ndarray, mask: np.ndarray, train: np.ndarray, components: int
+def fit_training_pca(
+    garments: MirroredGarments, mirror: np.ndarray | None, *, components: int, seed: int
 ) -> GarmentPca:
-    """Principal components of the training rows' offsets.
+    """Principal components of the rows, and mirror images, that masked PPCA is fitted to.
 
     Args:
-        offsets: (N, V, 3) metres, zero outside the mask.
-        mask: (N, V) bool.
-        train: (n,) rows to learn from; of more than `PCA_ROWS_MAX`, evenly spaced ones.
+        mirror: (V,) vertices of the body that lie opposite; None if it is not symmetric.
+        components: at most.
+        seed: draws the rows, see `linear_rows`.
+    """
+    rows = linear_rows(garments, "train", seed)
+    batches = with_mirror_images(garments, rows, mirror)
+    offsets, mask = (np.concatenate([each[key] for each in batches]) for key in ("offsets", "mask"))
+    return fit_pca(offsets, mask, components)
+
+
+def fit_pca(offsets: np.ndarray, mask: np.ndarray, components: int) -> GarmentPca:
+    """Principal components of offsets.
+
+    Args:
+        offsets: (n, V, 3) metres, zero outside the mask.
+        mask: (n, V) bool.
         components: at most n - 1 are used.
     """
-    if len(train) > PCA_ROWS_MAX:
-        train = train[np.linspace(0, len(train) - 1, PCA_ROWS_MAX).astype(int)]
-    data = np.stack([offsets[row].ravel() for row in train])  # (n, 3V)
+    data = offsets.reshape(len(offsets), -1)
     mean = data.mean(axis=0)
-    data -= mean
+    data = data - mean
     values, vectors = np.linalg.eigh(_row_products(data))
-    count = min(components, len(train) - 1)
+    count = min(components, len(data) - 1)
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     kept = values > 1e-10 * max(values[0], 1e-30) if count else np.zeros(0, dtype=bool)
     values, vectors = values[kept], vectors[:, kept]
     axes = _combine((vectors / np.sqrt(values)).T, data)
-    covered = np.stack([mask[row] for row in train]).astype(np.float32)
+    covered = mask.astype(np.float32)
     mask_mean = covered.mean(axis=0)
     # Coefficients are uncorrelated, so that each one's regression is independent of the others.
     code = (vectors * np.sqrt(values)).astype(np.float32)
     mask_axes = code.T @ (covered - mask_mean) / values[:, None].astype(np.float32)
-    total = float((data.astype(np.float64) ** 2).sum())
-    return GarmentPca(mean, axes, mask_mean, mask_axes, float(values.sum()) / max(total, 1e-30))
+    return GarmentPca(mean, axes, mask_mean, mask_axes)
 
 
 def _row_products(data: np.ndarray) -> np.ndarray:
@@ -172,20 +178,19 @@ def static_baselines(
     garment: np.ndarray,
     cvar: np.ndarray,
     train: np.ndarray,
+    pca: GarmentPca,
     *,
     types: int,
-    components: int,
 ) -> dict[str, Predictor]:
     """Name -> function from a row to its predicted offsets (V, 3) in metres and mask (V,).
 
     Args:
         offsets, mask, garment, cvar: (N, ...) of all rows.
         train: (n,) rows to learn from; of the others, only the row asked for is read.
+        pca: of the same rows.
         types: number of garment types.
-        components: of the PCA.
     """
     mean = fit_mean_garment(offsets, mask, garment, train, types)
-    pca = fit_pca(offsets, mask, train, components)
 
     def nearest(row: int) -> tuple[np.ndarray, np.ndarray]:
         (neighbour,) = nearest_rows(cvar, garment, train, [row])
@@ -199,12 +204,18 @@ def static_baselines(
 
 
 def static_baseline_summary(
-    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
+    truth: Truth,
+    garments: StaticRows,
+    splits: Mapping[str, np.ndarray],
+    pca: GarmentPca,
+    *,
+    seed: int,
 ) -> Table:
     """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
 
     Args:
-        components: of the PCA, at most.
+        splits: split -> rows to measure.
+        pca: of the training rows.
     """
     everything = np.arange(len(garments.garment))
     predictors = static_baselines(
@@ -213,12 +224,11 @@ def static_baseline_summary(
         garments.garment,
         garments.cvar(everything),
         garments.rows("train"),
+        pca,
         types=len(GARMENTS),
-        components=components,
     )
     found = []
-    for split in splits:
-        rows = garments.rows(split)
+    for split, rows in splits.items():
         measured = {"registered": measure_truth(truth, rows)}
         for name, predict in predictors.items():
             guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
@@ -233,87 +243,6 @@ def static_baseline_summary(
                     seed=seed,
                     stream=(name, split),
                     by_source=False,
-                )
-            )
-    return join(found)
-
-
-def mean_wrinkles(
-    garments: Iterable[MovingGarment], bodies: Mapping[str, BodyModel], step: int
-) -> np.ndarray:
-    """(types, V, 3) mean pose-invariant offsets of training garments, per type and vertex.
-
-    Args:
-        garments: read one after the other.
-        bodies: super-resolved, by gender.
-        step: of the frames that count.
-
-    Raises:
-        InputError: there are none.
-    """
-    vertices = len(next(iter(bodies.values())).v_template)
-    total = np.zeros((len(GARMENTS), vertices, 3))
-    count = np.zeros((len(GARMENTS), vertices, 1))
-    for moving in progress(garments, label="mean wrinkles"):
-        frames = np.arange(0, len(moving.poses), step)
-        offsets = dynamic_offsets(
-            moving.registered,
-            moving.cloth[frames],
-            bodies[moving.gender],
-            moving.shape,
-            moving.poses[frames],
-            "unposed",
-        )
-        garment_index = GARMENTS.index(moving.name)
-        total[garment_index] += offsets.sum(axis=0)
-        count[garment_index] += len(frames) * moving.registered.mask[:, None]
-    if not count.any():
-        raise InputError("no sample of the training split was accepted, expected one or more")
-    return (total / np.maximum(count, 1)).astype(np.float32)
-
-
-def moving_baseline_summary(
-    training: Iterable[MovingGarment],
-    held_out: Mapping[str, Iterable[MovingGarment]],
-    bodies: Mapping[str, BodyModel],
-    topology: Topology,
-    *,
-    step: int,
-    seed: int,
-) -> Table:
-    """The static garment skinned by its weights, without and with the type's mean wrinkles.
-
-    Args:
-        training: garments that the mean wrinkles are computed from.
-        held_out: split -> garments to measure.
-        bodies: super-resolved, by gender.
-        step: of the frames measured, and of those that the mean is computed from.
-    """
-    mean = mean_wrinkles(training, bodies, step)
-    found = []
-    for split, garments in held_out.items():
-        measured: dict[str, list[Measured]] = {"moving": [], STILL: [], MEAN: []}
-        for moving in progress(garments, label=split):
-            body, frames = bodies[moving.gender], np.arange(0, len(moving.poses), step)
-            wrinkles = mean[GARMENTS.index(moving.name)] * moving.registered.mask[:, None]
-            for name, offsets in ((STILL, np.zeros_like(wrinkles)), (MEAN, wrinkles)):
-                points = points_from_offsets(
-                    moving.registered,
-                    np.broadcast_to(offsets, (len(frames), *offsets.shape)),
-                    body,
-                    moving.shape,
-                    moving.poses[frames],
-                    "unposed",
-                )
-                rows = measure_motion(moving, frames, points, body, topology)
-                measured[name] += measured_in_motion(moving, rows)
-            inside = measure_inside(moving, frames, moving.points(frames), body, topology)
-            measured["moving"] += measured_in_motion(moving, inside)
-        for name, every in measured.items():
-            model = "truth" if name == "moving" else "baseline"
-            found.append(
-                summarise(
-                    every, model=model, variant=name, split=split, seed=seed, stream=(name, split)
                 )
             )
     return join(found)

@@ -2,13 +2,18 @@
 
 from drapeline.metrics.metric import Metric, Variant
 
+# Of a number of the code that is in use, over garments: Burda et al., "Importance weighted
+# autoencoders", 2016, section 5.2.
+ACTIVE_VARIANCE = 0.01
 METRICS = {
     "kl_nat": Metric("nat", "KL", 2, better=""),
+    "active_units": Metric("", "Active units", 0, better=""),
     # As CLOTH3D prints them: its angles are in radians, and its KL loss has no unit.
     "normal_error_rad": Metric("rad", "Normals error", 2),
     "kl_loss": Metric("", "KL loss", 4, better=""),
 }
 _PPCA = "Masked PPCA (ours)"
+_UNSEEN = ", z = 0"
 VARIANTS = {
     "svae": {
         "svae": Variant("Garment VAE"),
@@ -27,20 +32,25 @@ VARIANTS = {
         ),
     },
     "dvae": {
-        "dvae_posed_1": Variant("Garment VAE, X = C - T, 1 frame"),
-        "dvae_posed_4": Variant("Garment VAE, X = C - T, 4 frames"),
-        "dvae_unposed_1": Variant("Garment VAE, X_new, 1 frame"),
-        "dvae_unposed_4": Variant("Garment VAE, X_new, 4 frames"),
+        f"dvae_{version}_{frames}{end}": Variant(
+            f"Garment VAE, {offsets}, {frames} frame{'s' * (frames > 1)}{known}"
+        )
+        for end, known in (("", ""), ("_prior", _UNSEEN))
+        for version, offsets in (("posed", "X = C - T"), ("unposed", "X_new"))
+        for frames in (1, 4)
     },
     "ppca": {
         "static_ppca": Variant(_PPCA),
         "dynamic_ppca": Variant(_PPCA),
         "dynamic_ppca_settled": Variant(f"{_PPCA}, smoothed and pushed out of the body"),
+        "dynamic_ppca_prior": Variant(f"{_PPCA}{_UNSEEN}"),
     },
     "representation": {
         "static_ppca": Variant(_PPCA),
         "svae": Variant("Garment VAE"),
         "body_pca": Variant("PCA of offsets"),
+        "static_ppca_*": Variant(f"{_PPCA}, {{}} numbers"),
+        "body_pca_*": Variant("PCA of offsets, {} numbers"),
         "body_registered": Variant("No code: registered to the body", competes=False),
     },
     "scan": {

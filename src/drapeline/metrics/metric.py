@@ -39,7 +39,7 @@ class Variant(NamedTuple):
 class Measured(NamedTuple):
     """Measures of a garment: at rest, in one frame, or over a whole sequence."""
 
-    group: str  # name of what makes values dependent, such as the outfit or the sequence
+    group: str  # name of what makes values dependent, such as the outfit or the clip
     garment: str  # its type, or its class
     measures: Mapping[str, float]  # metric -> value; NaN where a metric is not defined
     source: str = ""  # cloth solver that moved the garment, if one did

@@ -149,5 +149,5 @@ def measure_inside(
 def measured_in_motion(
     moving: MovingGarment, measures: Sequence[Mapping[str, float]]
 ) -> list[Measured]:
-    """Measures of frames of one garment; those of one sample are dependent."""
-    return [Measured(moving.sample, moving.name, values, moving.source) for values in measures]
+    """Measures of frames of one garment; those of one clip are dependent, whoever moves in it."""
+    return [Measured(moving.clip, moving.name, values, moving.source) for values in measures]

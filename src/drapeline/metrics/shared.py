@@ -2,8 +2,11 @@
 
 from drapeline.metrics.metric import LARGER, Metric, Variant
 
+# The surface error of garments that a model has learned from: it stands beside that of others.
+TRAINING_ERROR = "training_error_mm"
 METRICS = {
     "surface_error_mm": Metric("mm", "Surface error"),
+    TRAINING_ERROR: Metric("mm", "On training garments", better=""),
     "normal_error_deg": Metric("deg", "Normals error"),
     "mask_iou": Metric("", "Mask IoU", 3, better=LARGER),
     "predicted_to_true_mm": Metric("mm", "Predicted to true"),
@@ -23,12 +26,21 @@ VARIANTS = {
         "mean_garment": Variant("Mean garment of the type"),
         "nearest_cvar": Variant("Nearest training garment in shape, gender and tightness"),
         "pca": Variant("PCA of offsets"),
-        "skinned_static": Variant("Garment at rest, skinned"),
-        "skinned_mean": Variant("Garment at rest with the type's mean wrinkles, skinned"),
+        "wrinkle_pca": Variant("PCA of wrinkles"),
+        "wrinkle_ridge": Variant("Ridge regression of wrinkles on pose, motion and static code"),
+        "skinned_mean": Variant("True garment at rest with the type's mean wrinkles, skinned"),
+        "skinned_static": Variant("True garment at rest, skinned"),
+        "skinned_mean_garment": Variant("Mean garment of the type with mean wrinkles, skinned"),
     },
     "truth": {
         "registered": Variant("Ground truth itself", competes=False),
         "moving": Variant("Ground truth itself", competes=False),
+        "again_rest_shape": Variant(
+            "The same garment, its rest shape changed by 1 mm, simulated again", competes=False
+        ),
+        "again_other_solver": Variant(
+            "The same garment, simulated by the fast solver", competes=False
+        ),
     },
     "scan": {
         "scan_body_estimated": Variant("Body as estimated"),

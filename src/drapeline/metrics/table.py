@@ -59,11 +59,12 @@ def summarise(
     seed: int,
     stream: Sequence[str] | None = None,
     by_source: bool = True,
+    of_all: Mapping[str, float] | None = None,
 ) -> Table:
     """Means over garments of each type and over all, with 95 % intervals.
 
-    Intervals come from 1000 bootstrap resamples of groups, since garments of one body, or frames
-    of one sequence, are not independent. With fewer than three groups there are none. Where
+    Intervals come from 1000 bootstrap resamples of groups, since garments of one body, or pieces
+    of one clip, are not independent. With fewer than three groups there are none. Where
     several solvers moved the garments there are rows of all and of each.
 
     Args:
@@ -72,26 +73,33 @@ def summarise(
         seed: named in the rows; also draws the intervals.
         stream: names of the random stream of the intervals; by default model, variant and split.
         by_source: whether there are rows of each solver, and streams of their own.
+        of_all: metric -> what is a measure of all garments together and no mean over them, such as
+            how many components vary; has a row without an interval.
     """
     names = ("intervals", *(stream or (model, variant, split)))
+    means = [
+        (garment, name + end, value, n, source)
+        for source, part in (_by_source(measured) if by_source else {"": measured}).items()
+        for garment, name, values, n in _means(
+            rng_for(seed, *names, *([source] if by_source else [])), part
+        )
+        for end, value in values.items()
+    ]
+    means += [(ALL, name, value, len(measured), "") for name, value in (of_all or {}).items()]
     rows = [
         {
             "model": model,
             "variant": variant,
             "split": split,
             "garment": garment,
-            "metric": name + end,
+            "metric": name,
             "value": value,
             "unit": unit_of(name),
             "n": n,
             "seed": seed,
             "source": source,
         }
-        for source, part in (_by_source(measured) if by_source else {"": measured}).items()
-        for garment, name, values, n in _means(
-            rng_for(seed, *names, *([source] if by_source else [])), part
-        )
-        for end, value in values.items()
+        for garment, name, value, n, source in means
     ]
     return make_table(METRICS, rows)
 

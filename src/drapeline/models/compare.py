@@ -14,7 +14,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import solver_name
+from drapeline.dataset.record import clip_name, solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import DamagedFile
@@ -103,7 +103,7 @@ class KnownScan(NamedTuple):
 
     scan: SegmentedScan  # with what is known of it
     body: BodyState  # fitted to it
-    sample: str  # name of the sample
+    clip: str  # that the sample moves through
     source: str  # cloth solver that moved the garments
     true: dict[str, Mesh]  # garment -> simulated triangles, in the scan's world
     classes: dict[str, str]  # garment -> one of `CLASSES`
@@ -142,7 +142,8 @@ def _known(
         rest[name] = Mesh(mesh.vertices, triangulate(mesh.faces))
         properties = measure_properties(region, rest[name], body, shape)
         classes[name] = scan_class(region, properties)
-    known, source = [], solver_name(sample.meta or {})
+    meta = sample.meta or {}
+    known, clip, source = [], clip_name(meta, sample.id), solver_name(meta)
     for scan, fitted in taken:
         frame = scan.frame
         true = {
@@ -151,7 +152,7 @@ def _known(
         }
         pose = sample.info.poses[frame].astype(np.float64)
         vertices, _ = posed_vertices(body, shape, pose[None])
-        known.append(KnownScan(scan, fitted, sample.id, source, true, classes, vertices[0]))
+        known.append(KnownScan(scan, fitted, clip, source, true, classes, vertices[0]))
     return known
 
 
@@ -178,7 +179,7 @@ def compare_scan_fits(
             for name, mesh in garments.items():
                 to_true, to_surface = area_distances_mm(mesh, known.true[name])
                 row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
-                fit = Measured(known.sample, known.classes[name], row, known.source)
+                fit = Measured(known.clip, known.classes[name], row, known.source)
                 measured.setdefault(variant, []).append(fit)
                 if name in TEMPLATE_TYPES:
                     common.setdefault(variant, []).append(fit._replace(garment=COMMON))
@@ -254,7 +255,7 @@ def body_rows(
         measured = []
         for known, state in zip(scans, every, strict=True):
             error = body_error_mm(known, state, bodies[known.scan.gender])
-            measured.append(Measured(known.sample, BODY, {"vertex_error_mm": error}, known.source))
+            measured.append(Measured(known.clip, BODY, {"vertex_error_mm": error}, known.source))
         made = summarise(measured, model=SCAN, variant=variant, split=split, seed=seed)
         rows.append(made[made["garment"] == ALL])
     return join(rows)

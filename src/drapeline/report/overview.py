@@ -88,7 +88,14 @@ _COMPARISONS = (
         "surface_error_mm",
         ["dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4"],
         ["dvae_unposed_4"],
-        ["skinned_mean", "skinned_static"],
+        ["wrinkle_pca"],
+    ),
+    _Comparison(
+        "Garments in motion, predicted from poses",
+        "surface_error_mm",
+        ["dynamic_ppca_prior", "dvae_unposed_4_prior"],
+        ["dvae_unposed_4_prior"],
+        ["wrinkle_ridge", "skinned_mean", "skinned_static"],
     ),
     _Comparison(
         "Garments in motion, from point clouds",

@@ -10,6 +10,7 @@ import pandas as pd
 
 from drapeline.metrics.metric import LARGER
 from drapeline.metrics.registry import metric, variant
+from drapeline.metrics.shared import TRAINING_ERROR
 from drapeline.metrics.table import ALL, read_metrics, with_intervals
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.report.html import Cell, html_table, number, write_page
@@ -43,6 +44,8 @@ BESIDE_PAPER = Schema(
 def read_test_metrics(path: str | Path, models: Sequence[str] = ()) -> Table:
     """The test split of a table of metrics, a row for each value with its interval.
 
+    Of the training split, surface errors are there as well, as a metric of their own.
+
     Args:
         models: the rows' models; by default all.
 
@@ -50,7 +53,8 @@ def read_test_metrics(path: str | Path, models: Sequence[str] = ()) -> Table:
         InputError: the table is missing or unusable.
     """
     table = with_intervals(read_metrics(path))
-    table = table[table["split"] == "test"]
+    learned = table[(table["split"] == "train") & (table["metric"] == "surface_error_mm")]
+    table = pd.concat([table[table["split"] == "test"], learned.assign(metric=TRAINING_ERROR)])
     return table[table["model"].isin(models)] if models else table
 
 
@@ -165,7 +169,7 @@ class MetricTable:
             row = measured.get(name)
             cells[self._title(self.across, name)] = self._cell(row) if row else number("-")
         if self.count:
-            counts = {name: int(row.n) for name, row in measured.items()}
+            counts = {name: int(row.n) for name, row in measured.items() if name != TRAINING_ERROR}
             cells[self.count] = number(self._count(counts, shown))
         return cells
 

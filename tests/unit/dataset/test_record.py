@@ -5,6 +5,7 @@ import pytest
 from drapeline.dataset.record import (
     EXTRAS,
     body_fingerprint,
+    clip_name,
     meta_path,
     read_meta,
     read_record,
@@ -55,3 +56,17 @@ def test_a_fingerprint_changes_with_every_array_that_moves_vertices(toy_body, ar
     other = replace(toy_body, **{array: changed})
     assert body_fingerprint(other) != body_fingerprint(toy_body)
     assert body_fingerprint(replace(toy_body, name="other")) == body_fingerprint(toy_body)
+
+
+@pytest.mark.parametrize(
+    ("meta", "clip"),
+    [
+        ({"motion": {"sequence": "dance_a_s0"}}, "dance_a"),
+        ({"motion": {"sequence": "run_s1_s12"}}, "run_s1"),
+        ({"motion": {"sequence": "walk"}}, "walk"),
+        ({"motion": {}}, "00001"),
+        ({}, "00001"),
+    ],
+)
+def test_pieces_of_a_clip_have_its_name_and_other_samples_their_own(meta, clip):
+    assert clip_name(meta, "00001") == clip

@@ -26,17 +26,17 @@ def shards(*samples):
 
 
 def test_only_accepted_samples_are_loaded_root_relative(samples):
-    found = list(load_moving(*shards(*samples), "train"))
-    assert {(m.sample, m.split) for m in found} == {("00001", "train")}
+    found = list(load_moving(*shards(*samples), ["train"])["train"])
+    assert {(m.sample, m.split, m.clip) for m in found} == {("00001", "train", "walk")}
     assert {m.name for m in found} == {"Tshirt", "Skirt"}
     for moving in found:
         np.testing.assert_allclose(moving.cloth, samples[0].tiny.vertices[moving.name], atol=1e-5)
         assert moving.faces.max() < moving.cloth.shape[1]
-    assert not list(load_moving(*shards(*samples), "test"))
+    assert not list(load_moving(*shards(*samples), ["test"])["test"])
 
 
 def test_each_garment_is_read_when_it_is_its_turn(samples):
-    turns = load_moving(*shards(*samples), "train")
+    turns = load_moving(*shards(*samples), ["train"])["train"]
     first = next(turns).name
     (last,) = {"Tshirt", "Skirt"} - {first}
     (samples[0].registration / f"{last}.npz").unlink()

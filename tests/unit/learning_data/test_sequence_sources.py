@@ -50,6 +50,7 @@ def test_accepted_samples_that_wear_the_garment_are_sequences(simulated):
     table = middles(tiny[0].meshes["Skirt"].faces)
     (one,) = simulated_sequences("Skirt", samples, clouds, {"00001": table})
     assert (one.name, one.source, one.split, one.gender) == ("00001", "blender", "train", "female")
+    assert one.clip == "walk"
     assert one.number.tolist() == list(range(6))
     np.testing.assert_allclose(one.poses, tiny[0].poses, atol=1e-6)
     np.testing.assert_allclose(one.shape, tiny[0].shape, atol=1e-6)

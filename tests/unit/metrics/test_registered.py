@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.baselines import fit_pca, static_baseline_summary
 from drapeline.metrics.registered import (
     Truth,
     add_kl,
@@ -17,7 +17,7 @@ from drapeline.metrics.registered import (
     measured_at_rest,
     measured_in_motion,
 )
-from drapeline.metrics.table import ALL
+from drapeline.metrics.table import ALL, LOW, summarise
 from drapeline.seeding import rng_for
 from toys.gcvae_files import torso_registration
 from toys.metric_rows import find_value
@@ -92,7 +92,9 @@ def test_garments_of_one_outfit_are_dependent(garments):
 
 
 def test_baselines_are_learned_from_the_training_split_and_measured_on_others(truth, garments):
-    rows = static_baseline_summary(truth, garments, ["test"], components=8, seed=0)
+    pca = fit_pca(truth.offsets[:6], truth.mask[:6], components=8)
+    splits = {"test": garments.rows("test")}
+    rows = static_baseline_summary(truth, garments, splits, pca, seed=0)
     assert set(rows["split"]) == {"test"}
     assert set(rows["variant"]) == {"registered", "mean_garment", "nearest_cvar", "pca"}
     error = {
@@ -138,9 +140,28 @@ def test_cloth_inside_the_body_is_seen_in_its_pose(toy_body, topology):
     assert row["surface_error_mm"] > 20
 
 
-def test_frames_of_one_sample_are_dependent(toy_body):
-    moving = moving_garment(toy_body, "test", "Tshirt")
+def test_frames_of_one_clip_are_dependent(toy_body):
+    moving = moving_garment(toy_body, "test", "Tshirt", clip="walk")
     measured = measured_in_motion(moving, [{"surface_error_mm": 1.0}, {"surface_error_mm": 2.0}])
-    assert [one.group for one in measured] == [moving.sample] * 2
+    assert [one.group for one in measured] == ["walk"] * 2
     assert [one.measures["surface_error_mm"] for one in measured] == [1.0, 2.0]
     assert {(one.garment, one.source) for one in measured} == {("Tshirt", moving.source)}
+
+
+def test_samples_of_one_clip_are_no_more_evidence_than_the_clip(toy_body):
+    """Four samples of two clips have no interval; of three clips, they have one."""
+
+    def summary(*clips):
+        measured = [
+            one
+            for seed, clip in enumerate(clips)
+            for one in measured_in_motion(
+                moving_garment(toy_body, "test", "Tshirt", seed=seed, clip=clip),
+                [{"surface_error_mm": seed + 1.0}],
+            )
+        ]
+        return summarise(measured, model="dvae", variant="a", split="test", seed=0)
+
+    low = "surface_error_mm" + LOW
+    assert find_value(summary("walk", "walk", "run", "run"), "a", "test", ALL, low) is None
+    assert find_value(summary("walk", "walk", "run", "jump"), "a", "test", ALL, low) is not None

@@ -111,6 +111,19 @@ def test_summary_has_each_type_and_all_with_their_counts():
     assert find_value(rows, "svae", "test", "Top", "mask_iou" + LOW) is None  # of two: none
 
 
+def test_a_measure_of_all_garments_together_has_one_row_without_an_interval():
+    measured = [
+        Measured(f"s{k}", "Dress", {"surface_error_mm": 1.0 + k}, "ab"[k % 2]) for k in range(6)
+    ]
+    table = summarise(
+        measured, model="svae", variant="a", split="test", seed=0, of_all={"active_units": 7}
+    )
+    (found,) = table[table["metric"].str.startswith("active_units")].itertuples()
+    assert (found.garment, found.value, found.n, found.source) == (ALL, 7, 6, "")
+    plain = summarise(measured, model="svae", variant="a", split="test", seed=0)
+    pd.testing.assert_frame_equal(table[table["metric"] != "active_units"], plain)
+
+
 def test_nothing_measured_has_no_rows():
     assert len(summarised([], [], [])) == 0
 

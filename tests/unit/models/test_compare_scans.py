@@ -68,8 +68,8 @@ class Raised:
 def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
     files, folders = scanned(tmp_path, toy_body, ["00003", "L00002"])
     several = known_scans(files, folders[::-1], bodies)
-    assert [(one.sample, one.scan.name) for one in several] == [
-        (name, f"{name}_{frame:03d}") for name in ("00003", "L00002") for frame in (1, 4)
+    assert [(one.clip, one.scan.name) for one in several] == [
+        ("walk", f"{name}_{frame:03d}") for name in ("00003", "L00002") for frame in (1, 4)
     ]
 
 
@@ -80,7 +80,7 @@ def test_a_scan_of_a_sample_that_is_not_given_is_refused(tmp_path, toy_body, bod
 
 
 def test_the_truth_is_that_of_the_frame(known):
-    assert [one.scan.name for one in known] == [f"{known[0].sample}_{f:03d}" for f in (1, 4)]
+    assert [one.scan.name for one in known] == ["00001_001", "00001_004"]
     for one in known:
         assert set(one.true) == set(one.scan.garments) == set(one.classes)
 

@@ -105,7 +105,7 @@ class SplitEvaluation:
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Record measures of a variant on a sequence."""
         one = Measured(
-            str(self.data.name[sequence]),
+            str(self.data.clip[sequence]),
             self.data.garment_type,
             measures,
             str(self.data.source[sequence]),

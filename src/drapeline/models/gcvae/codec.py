@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from drapeline.dataset.record import SPLITS
+from drapeline.metrics.gcvae import ACTIVE_VARIANCE
 from drapeline.models.gcvae.data import BodyTemplate, Garments, StaticGarments
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.training.batches import Batch, as_tensors
@@ -189,21 +190,30 @@ class Codes(NamedTuple):
         """(n,) divergence of each from the standard normal, in nats."""
         return kl_nat(*map(torch.from_numpy, self)).numpy()
 
+    def active_units(self) -> int:
+        """Components whose mean varies over the garments by more than `ACTIVE_VARIANCE`."""
+        return int((self.mean.var(axis=0) > ACTIVE_VARIANCE).sum())
+
     def of(self, rows: np.ndarray) -> "Codes":
         """Codes of some rows."""
         return Codes(self.mean[rows], self.log_variance[rows])
+
+
+def join_codes(parts: Sequence[Codes]) -> Codes:
+    """Codes of several parts, one after the other."""
+    mean, log_variance = (np.concatenate(half) for half in zip(*parts, strict=True))
+    return Codes(mean, log_variance)
 
 
 def encode_rows(
     model: GarmentCodec, read: Callable[[np.ndarray], Batch], rows: Sequence[int] | np.ndarray
 ) -> Codes:
     """Codes of rows that are read a batch at a time, in their order."""
-    means, log_variances = [], []
+    parts = []
     for start in range(0, len(rows), _BATCH):
         code = model.encode(as_tensors(read(np.asarray(rows[start : start + _BATCH]))))
-        means.append(code.mean.numpy())
-        log_variances.append(code.log_variance.numpy())
-    return Codes(np.concatenate(means), np.concatenate(log_variances))
+        parts.append(Codes(code.mean.numpy(), code.log_variance.numpy()))
+    return join_codes(parts)
 
 
 def encode_garments(

@@ -18,6 +18,7 @@ from drapeline.models.training.batches import Batch
 from drapeline.npy import HeaderError, check_arrays
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.hierarchy import Hierarchy
+from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topology_codes
 
 
@@ -46,6 +47,11 @@ class BodyTemplate:
         """(F, 3) faces of the topology of a garment type, one of `GARMENTS`."""
         (code,) = topology_codes(np.array([GARMENTS.index(garment)]))
         return self.faces[TOPOLOGIES[int(code)]]
+
+    @property
+    def mirror(self) -> np.ndarray | None:
+        """(V,) vertices of the body that lie opposite; None if it is not symmetric."""
+        return mirror_of(self.body_mean.astype(np.float64), self.faces["body"])
 
     def rest_body(self, cvar: np.ndarray) -> np.ndarray:
         """(V, 3) float32 rest body of one set of conditions (C,), metres."""

@@ -11,7 +11,8 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.job import Job
 from drapeline.learning_data.moving import MovingGarment, load_moving
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.baselines import moving_baseline_summary, static_baseline_summary
+from drapeline.learning_data.training_rows import rows_like
+from drapeline.metrics.baselines import fit_training_pca, static_baseline_summary
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.registered import (
     Truth,
@@ -30,11 +31,18 @@ from drapeline.models.gcvae.codec import (
     decode_codes,
     encode_garments,
     encode_held_out,
+    join_codes,
     save_codes,
 )
 from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
 from drapeline.models.gcvae.decode import decode_points, resolve_points, static_truth
 from drapeline.models.gcvae.load import load_codec, load_dynamic_garments, load_training_codes
+from drapeline.models.gcvae.moving_baselines import (
+    RIDGE_FILE,
+    MovingBaselines,
+    moving_baseline_summary,
+)
+from drapeline.models.gcvae.ppca import GarmentPpca
 from drapeline.models.gcvae.representation import (
     CodeScanFitter,
     FitCode,
@@ -44,11 +52,23 @@ from drapeline.models.gcvae.representation import (
 )
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import Topology, load_topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
-RESOLVED_SUFFIX = "_settled"  # of a variant whose garments were pushed out of the body
+# Of a variant whose garments were pushed out of the body, and of one that does not see the frame:
+# its code is the mean of the prior.
+RESOLVED_SUFFIX, PRIOR_SUFFIX = "_settled", "_prior"
+
+
+def rows_to_measure(garments: StaticGarments, splits: Sequence[str]) -> dict[str, np.ndarray]:
+    """Split -> rows; of "train" at most as many of each type as of the first split."""
+    found = {split: garments.rows(split) for split in splits}
+    if "train" in found:
+        kinds, wanted = (garments.garment[found[name]] for name in ("train", splits[0]))
+        found["train"] = found["train"][rows_like(kinds, wanted)]
+    return found
 
 
 def measure_static(
@@ -67,11 +87,11 @@ def static_rows(
 ) -> Table:
     """Rows of the table of metrics for a static model and its codes (N, Z) of all rows."""
     tables = []
-    for split in splits:
-        rows = garments.rows(split)
-        measures = measure_static(model, garments, rows, codes.of(rows))
+    for split, rows in rows_to_measure(garments, splits).items():
+        own = codes.of(rows)
+        measures = measure_static(model, garments, rows, own)
         measured = measured_at_rest(garments, rows, measures)
-        tables.append(_summarise(model, measured, variant, split, by_source=False))
+        tables.append(_summarise(model, measured, variant, split, own, by_source=False))
     return join(tables)
 
 
@@ -85,7 +105,8 @@ def dynamic_rows(
 ) -> Table:
     """Rows of the table of metrics for a dynamic model.
 
-    A model that resolves penetration has rows of its garments before and after that.
+    A model that resolves penetration has rows of its garments before and after that. Each has rows
+    of what it decodes from the mean of the prior as well, which does not see the frame.
 
     Args:
         garments: every frame that is measured.
@@ -96,22 +117,29 @@ def dynamic_rows(
     tables = []
     for split, movings in held_out.items():
         measured: dict[str, list[Measured]] = {}
+        seen: list[Codes] = []
         for moving in progress(movings, label=split):
             rows = garments.data.rows_of(moving.sample, moving.name)
             body = bodies[moving.gender]
             codes = encode_garments(model, garments, rows)
-            points = decode_points(model, garments, rows, moving, body, codes.mean)
+            seen.append(codes)
+            decoded = {
+                variant + end: decode_points(model, garments, rows, moving, body, z)
+                for end, z in (("", codes.mean), (PRIOR_SUFFIX, np.zeros_like(codes.mean)))
+            }
             frames = garments.data.frame[rows]
-            decoded = {variant: points}
             if model.resolves_penetration:
                 poses = moving.poses[frames]
-                resolved = resolve_points(moving, body, topology, points, poses)
+                resolved = resolve_points(moving, body, topology, decoded[variant], poses)
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                measures = add_kl(measures, codes.kl_nat())
+                if not name.endswith(PRIOR_SUFFIX):
+                    measures = add_kl(measures, codes.kl_nat())
                 measured.setdefault(name, []).extend(measured_in_motion(moving, measures))
-        tables += [_summarise(model, frames, name, split) for name, frames in measured.items()]
+        for name, frames in measured.items():
+            own = None if name.endswith(PRIOR_SUFFIX) else join_codes(seen)
+            tables.append(_summarise(model, frames, name, split, own))
     return join(tables)
 
 
@@ -120,9 +148,11 @@ def _summarise(
     measured: Sequence[Measured],
     variant: str,
     split: str,
+    codes: Codes | None,
     *,
     by_source: bool = True,
 ) -> Table:
+    """Rows of a variant; `codes` of what was measured, or None if all have the prior's mean."""
     return summarise(
         measured,
         model=model.model,
@@ -131,6 +161,7 @@ def _summarise(
         seed=model.seed,
         stream=(variant, split),
         by_source=by_source,
+        of_all={"active_units": codes.active_units()} if codes else None,
     )
 
 
@@ -149,25 +180,30 @@ def evaluate_baselines(job: Job) -> None:
         faces=lambda row: topology.faces_of(GARMENTS[data.garment[row]]),
         body_faces=topology.faces,
     )
-    rows = static_baseline_summary(
-        truth, data, params.splits, components=params.components, seed=params.seed
-    )
+    mirror = mirror_of(data.body_mean.astype(np.float64), topology.faces)
+    pca = fit_training_pca(data, mirror, components=params.components, seed=params.seed)
+    splits = rows_to_measure(data, params.splits)
+    rows = static_baseline_summary(truth, data, splits, pca, seed=params.seed)
     write_evaluation(job.output[0], rows)
 
 
 def evaluate_dynamic_baselines(job: Job) -> None:
-    """What trivial predictions of garments in motion reach."""
+    """What predictions without a network reach in motion, and the penalty of the regression."""
     given, params = job.input, job.params
-    files = given.samples, given.registrations
-    rows = moving_baseline_summary(
-        load_moving(*files, "train"),
-        {split: load_moving(*files, split) for split in params.splits},
-        load_bodies(given),
-        load_topology(given.topology),
-        step=params.step,
+    baselines = MovingBaselines(
+        load_dynamic_garments(given.data, given.static, params.frames),
+        load_codec(Path(given.static) / BEST).body_template.mirror,
+        components=params.components,
         seed=params.seed,
     )
-    write_evaluation(job.output[0], rows)
+    rows = moving_baseline_summary(
+        baselines,
+        load_moving(given.samples, given.registrations, params.splits),
+        load_bodies(given),
+        load_topology(given.topology),
+        seed=params.seed,
+    )
+    write_evaluation(job.output[0], rows, lambda made: baselines.ridge.save(made / RIDGE_FILE))
 
 
 def evaluate_static(job: Job) -> None:
@@ -185,7 +221,7 @@ def evaluate_dynamic(job: Job) -> None:
     rows = dynamic_rows(
         load_codec(Path(given.model) / BEST),
         load_dynamic_garments(given.data, given.static, params.frames),
-        {split: load_moving(given.samples, given.registrations, split) for split in params.splits},
+        load_moving(given.samples, given.registrations, params.splits),
         load_bodies(given),
         load_topology(given.topology),
         params.variant,
@@ -194,16 +230,23 @@ def evaluate_dynamic(job: Job) -> None:
 
 
 def compare_codes(job: Job) -> None:
-    """Held-out garments as offsets, PCA and codes of the garment VAEs."""
+    """Held-out garments as offsets, PCA and codes of the garment VAEs, PCA also in short codes."""
     given, params = job.input, job.params
-    data = StaticData(given.data)
+    data, count = StaticData(given.data), params.short_code
     codecs = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in given.models}
     template = next(iter(codecs.values())).body_template
+    pca = fit_training_pca(data, template.mirror, components=params.components, seed=params.seed)
+    components = {"body_pca": pca}
+    if count < len(pca.axes):
+        components[f"body_pca_{count}"] = pca.first(count)
+    for name, model in list(codecs.items()):
+        if isinstance(model, GarmentPpca) and count < model.latent:
+            codecs[f"{name}_{count}"] = model.first(count)
     compare(
         job,
         [
             RegisteredOffsets(data, template),
-            OffsetPca(data, template, params.components),
+            *(OffsetPca(variant, one, data, template) for variant, one in components.items()),
             *(VaeCode(variant, model, data) for variant, model in codecs.items()),
         ],
     )

@@ -1,6 +1,7 @@
 """What an experiment does with the garment VAEs."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
@@ -27,6 +28,8 @@ from drapeline.models.training.settings import override_settings
 
 _HERE = "drapeline.models.gcvae"
 _ABLATIONS = "metrics_gcvae_ablations"
+# Whose garments are measured: also some that were learned from, to tell what does not carry over.
+_MEASURED_SPLITS = (*EVALUATED_SPLITS, "train")
 # Evaluated by default, beside the trivial predictions.
 _DEFAULT = {"svae", STATIC_PPCA, "dvae_unposed_4", DYNAMIC_PPCA}
 
@@ -186,6 +189,8 @@ class _GcvaeTasks:
         ):
             for name in names:
                 found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))
+        if self.simulated_again:
+            found["dynamic_floor"] = (self._floor(), always)
         found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
             found["scans"] = (self._fit_scans(), ("scans",))
@@ -197,16 +202,18 @@ class _GcvaeTasks:
             f"{_HERE}.evaluate:evaluate_baselines",
             {**self.files.super_bodies, "topology": self.files.topology, "data": self.files.static},
             {
-                "splits": EVALUATED_SPLITS,
+                "splits": _MEASURED_SPLITS,
                 "components": self.settings["evaluation"]["pca_components"],
                 "seed": self.seed,
             },
-            seconds=35 * size,
-            megabytes=500 + 100 * size,
+            seconds=60 * size,
+            megabytes=700 + 600 * size,
             parallel=True,
         )
 
     def _dynamic_baselines(self) -> Task:
+        # The data and the conditions of masked PCA.
+        version, frames = dynamic_conditions(DYNAMIC_PPCA)
         size = self.files.moving_size
         return Task(
             f"{_HERE}.evaluate:evaluate_dynamic_baselines",
@@ -214,15 +221,51 @@ class _GcvaeTasks:
                 **self.files.registered_samples,
                 **self.files.super_bodies,
                 "topology": self.files.topology,
+                "data": self.files.dynamic(version),
+                "static": self.static,
             },
             {
-                "splits": EVALUATED_SPLITS,
+                "splits": _MEASURED_SPLITS,
+                "frames": frames,
+                "components": self.settings["evaluation"]["pca_components"],
+                "seed": self.seed,
+            },
+            seconds=120 * size,
+            megabytes=3500 + 100 * size,
+            checks=[self.files.moving_in("train", "val")],
+            parallel=True,
+        )
+
+    @cached_property
+    def simulated_again(self) -> list[str]:
+        """Test samples, to tell how far they are from themselves then."""
+        count = self.settings["evaluation"]["floor_samples"]
+        return self.files.first_of_split(count, EVALUATED_SPLITS[0])
+
+    def _floor(self) -> Task:
+        samples, files = self.simulated_again, self.files
+        super_bodies = {f"super_{gender}": path for gender, path in files.super_bodies.items()}
+        return Task(
+            f"{_HERE}.floor:evaluate_floor",
+            {
+                **files.bodies,
+                **super_bodies,
+                "topology": files.topology,
+                "samples": files.shards_of(files.samples, samples),
+                "registrations": files.shards_of(files.registrations, samples),
+                "outfits": files.shards_of(files.outfits, samples),
+                "motions": files.shards_of(files.moving_bodies, samples),
+            },
+            {
+                "solver": files.hanging_solver,
+                "samples": samples,
+                "split": EVALUATED_SPLITS[0],
                 "step": self.settings["dvae"]["frame_step"],
                 "seed": self.seed,
             },
-            seconds=32 * size,
-            megabytes=700 + 50 * size,
-            parallel=True,
+            seconds=20 * len(samples),
+            megabytes=1500,
+            modules=[files.hanging_solver],
         )
 
     def _evaluate_static(self, name: str) -> Task:
@@ -230,8 +273,8 @@ class _GcvaeTasks:
         return Task(
             f"{_HERE}.evaluate:evaluate_static",
             {"model": f"{self.folder}/{name}", "data": self.files.static},
-            {"variant": name, "splits": EVALUATED_SPLITS},
-            seconds=22 * size,
+            {"variant": name, "splits": _MEASURED_SPLITS},
+            seconds=44 * size,
             megabytes=700 + 100 * size,
             parallel=True,
         )
@@ -249,8 +292,8 @@ class _GcvaeTasks:
                 "data": self.files.dynamic(version),
                 "static": self.static,
             },
-            {"variant": name, "splits": EVALUATED_SPLITS, "frames": frames},
-            seconds=50 * size,
+            {"variant": name, "splits": _MEASURED_SPLITS, "frames": frames},
+            seconds=130 * size,
             megabytes=800 + 50 * size,
             parallel=True,
         )
@@ -268,11 +311,12 @@ class _GcvaeTasks:
             },
             {
                 "components": self.settings["evaluation"]["pca_components"],
+                "short_code": self.settings["evaluation"]["short_code"],
                 "garments": self.files.compared_garments,
                 "split": EVALUATED_SPLITS[0],
                 "seed": self.seed,
             },
-            seconds=1200,
+            seconds=1800,
             megabytes=2500,
             checks=[self.files.resting_in(*EVALUATED_SPLITS)],
         )

@@ -14,22 +14,26 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
 from torch import nn
 
+from drapeline.learning_data.training_rows import (
+    MirroredGarments,
+    linear_rows,
+    with_mirror_images,
+)
 from drapeline.manifest import write_manifest
 from drapeline.models.gcvae.codec import GarmentCodec, TopologyBatch, conditions_of
-from drapeline.models.gcvae.data import BodyTemplate, Garments
+from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.layers.graphs import SparseMatrix, scaled_laplacian
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
 from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST, SETTINGS
-from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, write_json
@@ -214,13 +218,6 @@ class Ppca(nn.Module):
         return mean.T, variance.T.log()
 
 
-class MirroredGarments(Garments, Protocol):
-    """Garments whose mirror images are garments as well."""
-
-    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
-        """(n, C) conditions of the rows' mirror images."""
-
-
 @dataclass(frozen=True)
 class PpcaConstants:
     """Constants of the fit."""
@@ -235,7 +232,6 @@ class PpcaConstants:
     # than the fit leaves of the training rows: neighbouring vertices err alike, so they are less
     # evidence than their number, and new garments vary in ways that no component has.
     noise: float = 0.1
-    rows_max: int = 2000  # the fit uses at most so many training rows
     vertices_max: int = 3000  # the posterior looks at no more vertices, chosen at random
     steepness: float = 6.0  # of the mask's logit against its ramp
 
@@ -295,22 +291,11 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         Raises:
             InputError: offsets are not finite; names the samples.
         """
-        rows = garments.rows("train")
-        if len(rows) > self.constants.rows_max:
-            rng = rng_for(self.settings.seed, "linear rows")
-            rows = np.sort(rng.choice(rows, self.constants.rows_max, replace=False))
-        batch = garments.batch(rows)
-        refuse_unfinite(batch["offsets"], batch["names"], "offsets")
-        fields, known, conditions = self._known_fields(batch)
-        mirror = mirror_of(
-            self.body_template.body_mean.astype(np.float64), self.body_template.faces["body"]
-        )
-        if mirror is not None:  # a garment's mirror image is a garment too
-            image = {**mirror_batch(batch, mirror), "cvar": garments.mirrored_cvar(rows)}
-            seen = self._known_fields(image)
-            fields, known, conditions = (
-                torch.cat(pair) for pair in zip((fields, known, conditions), seen, strict=True)
-            )
+        rows = linear_rows(garments, "train", self.settings.seed)
+        batches = with_mirror_images(garments, rows, self.body_template.mirror)
+        refuse_unfinite(batches[0]["offsets"], batches[0]["names"], "offsets")
+        seen = map(self._known_fields, batches)
+        fields, known, conditions = (torch.cat(parts) for parts in zip(*seen, strict=True))
         fit = fit_ppca(
             fields,
             known,
@@ -320,6 +305,16 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
             ridge=self.constants.ridge,
         )
         self.ppca.set_fit(fit._replace(noise=fit.noise.clamp_min(self.constants.noise)))
+
+    def first(self, count: int) -> "GarmentPpca":
+        """The same fit with its first components alone, by falling variance, ready to encode.
+
+        Its codes are not the first numbers of the longer ones: the posterior looks at these alone.
+        """
+        cut = type(self)(self.settings.replace(latent=count), self.body_template)
+        whole = self.ppca
+        cut.ppca.set_fit(PpcaFit(whole.regression, whole.basis[:count], whole.noise))
+        return cut.eval()
 
     def _known_fields(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Fields (n, V * channels), where they are known, and normalised conditions (n, C)."""
@@ -399,16 +394,6 @@ class DynamicPpca(GarmentPpca):
     def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, 3, B_t): offsets from their mean in `unit_m`."""
         return self.offsets_in_units(part)
-
-
-def mirror_batch(batch: Batch, mirror: np.ndarray) -> Batch:
-    """Exchange left and right in the offsets and masks of a batch, by vertices (V,) opposite."""
-    flip = np.array([-1, 1, 1], dtype=np.float32)
-    return {
-        **batch,
-        "offsets": batch["offsets"][:, mirror] * flip,
-        "mask": batch["mask"][:, mirror],
-    }
 
 
 def save_fit(

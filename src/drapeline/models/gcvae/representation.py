@@ -15,7 +15,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.baselines import fit_pca
+from drapeline.metrics.baselines import GarmentPca
 from drapeline.metrics.garment import garment_mesh
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes, encode_garments
@@ -53,13 +53,13 @@ class RegisteredOffsets:
 
 
 class OffsetPca(RegisteredOffsets):
-    """At most so many components of the training offsets, and the mask regressed on them."""
+    """Components of the training offsets, and the mask regressed on them."""
 
-    variant = "body_pca"
-
-    def __init__(self, data: StaticData, template: BodyTemplate, components: int) -> None:
+    def __init__(
+        self, variant: str, pca: GarmentPca, data: StaticData, template: BodyTemplate
+    ) -> None:
         super().__init__(data, template)
-        self._pca = fit_pca(data.offsets, data.mask, data.rows("train"), components)
+        self.variant, self._pca = variant, pca
 
     def code_numbers(self, garment: str) -> int:
         """The number of components."""

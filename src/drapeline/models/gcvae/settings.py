@@ -301,8 +301,26 @@ class Evaluation(Settings):
         ge=1,
         le=4096,
         description=(
-            "Components of the principal component baseline; at most one less than the number of "
+            "Components of the principal component baselines; at most one less than the number of "
             "training garments."
+        ),
+    )
+    floor_samples: int = Field(
+        20,
+        ge=0,
+        le=99_999,
+        description=(
+            "Test samples of each group that are simulated again, to tell how far a garment in "
+            "motion is from itself; 0 leaves this out."
+        ),
+    )
+    short_code: int = Field(
+        18,
+        ge=1,
+        le=1024,
+        description=(
+            "Numbers of the short codes of PCA and masked PCA, which are compared with the codes "
+            "of other models; by default as many as SMPLicit's have."
         ),
     )
 

@@ -306,7 +306,7 @@ class _SmplicitTasks:
             {
                 "model": f"{self.folder}/{name}",
                 "gallery": f"{self.folder}/gallery/{name}",
-                "bodies": f"{self.files.results}/bodies/{{group}}/{{shard}}".format(**place),
+                "bodies": self.files.moving_bodies.format(**place),
             },
             {
                 **{key: gallery[key] for key in ("frames", "skinning", "push_out", "simulate")},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import meta_path, read_meta, read_record
+from drapeline.dataset.record import clip_name, meta_path, read_meta, read_record
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.dataset.worst_frame import read_worst_frame
@@ -221,5 +221,5 @@ def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) ->
 
 def _caption(meta: Mapping[str, Any]) -> str:
     motion = meta["motion"]
-    clip, turned = motion["sequence"].rpartition("_")[0], ", mirrored" if motion["mirrored"] else ""
+    clip, turned = clip_name(meta, meta["id"]), ", mirrored" if motion["mirrored"] else ""
     return f"{meta['id']}: {clip} at {motion['speed']:.2f}{turned}"

@@ -97,7 +97,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
             " the same way, but for the rows of SMPLicit that hang (simulated on the person,"
             " who stands still), which are to be compared with one another, and its other rows"
             " with the other models. Mean distances over the area of the surfaces in mm, with"
-            " 95 % intervals over samples. Models are compared on the garments that they know,"
+            " 95 % intervals over clips. Models are compared on the garments that they know,"
             " so rows with other"
             f" numbers of garments are not about the same garments; the column"
             f" '{COMMON.capitalize()}' has the means over t-shirts, trousers and skirts, which all"

@@ -5,6 +5,7 @@ from drapeline.models.gcvae.codec import (
     Codes,
     encode_garments,
     encode_held_out,
+    join_codes,
     load_codes,
     save_codes,
 )
@@ -47,3 +48,13 @@ def test_the_kl_of_a_code_is_summed_over_its_numbers():
     mean, variance = np.float32([[1, 0, 2]]), np.float32([[1, 0.5, 1]])
     by_hand = 0.5 * (1 + 4 + (0.5 - 1 - np.log(0.5)))
     assert Codes(mean, np.log(variance)).kl_nat() == pytest.approx([by_hand])
+
+
+def test_active_units_are_those_whose_means_vary():
+    """Three numbers: one varies, one does so too little, one is the same for all."""
+    mean = np.stack([np.array([-1.0, 1.0]), np.array([-0.09, 0.09]), np.array([5.0, 5.0])], 1)
+    codes = Codes(mean, np.zeros((2, 3)))
+    assert codes.active_units() == 1
+    joined = join_codes([codes, Codes(mean[:, [1, 0, 2]], np.zeros((2, 3)))])
+    assert joined.mean.shape == (4, 3)
+    assert joined.active_units() == 2

@@ -1,10 +1,15 @@
 """Probabilistic PCA against its closed form, with missing data, and of garments."""
 
+import copy
+
 import numpy as np
 import pytest
 import torch
 
 from drapeline.errors import InputError
+from drapeline.learning_data import training_rows
+from drapeline.metrics.baselines import fit_training_pca
+from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.networks import mesh_graphs
 from drapeline.models.gcvae.ppca import (
@@ -14,13 +19,12 @@ from drapeline.models.gcvae.ppca import (
     StaticPpca,
     blur_mask,
     fit_ppca,
-    mirror_batch,
     save_fit,
 )
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import BEST
-from toys.gcvae import AROUND, RINGS, ToyGarments, toy_template, tube
+from toys.gcvae import AROUND, RINGS, ToyGarments, toy_template, tube, tube_mirror
 
 
 def doubles(*shape, seed=0):
@@ -128,22 +132,6 @@ def test_steps_of_subspace_iteration_end_where_exact_eigenvectors_do():
     torch.testing.assert_close(fit.basis.norm(dim=1), lengths)
 
 
-def test_a_mirrored_garment_is_what_a_mirror_shows():
-    """Three vertices: one on the left, one in the middle, one on the right."""
-    body = np.array([[1.0, 0, 5], [0, 1, 6], [-1, 0, 5]])
-    mirror = np.array([2, 1, 0])
-    offsets = np.array([[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.0, 0.0, 0.7]]], dtype=np.float32)
-    batch = {"offsets": offsets, "mask": np.array([[True, True, False]]), "names": ["a"]}
-    image = mirror_batch(batch, mirror)
-    garment, shown = body + offsets[0], body + image["offsets"][0]
-    np.testing.assert_allclose(shown, (garment * [-1, 1, 1])[mirror], atol=1e-6)
-    assert image["mask"].tolist() == [[False, True, True]]
-    assert image["names"] == ["a"]
-    again = mirror_batch(image, mirror)
-    np.testing.assert_array_equal(again["offsets"], offsets)
-    np.testing.assert_array_equal(again["mask"], batch["mask"])
-
-
 def test_few_components_hold_all_of_the_toys(fitted):
     """Radius, slant, hem and shape are few numbers."""
     garments = ToyGarments()
@@ -156,6 +144,61 @@ def test_few_components_hold_all_of_the_toys(fitted):
     seen = mask > 0.5
     overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
     assert overlap.mean() > 0.93
+
+
+def test_the_mean_of_the_prior_is_the_regression_on_the_conditions(fitted):
+    garments = ToyGarments()
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    zeros = torch.zeros(len(batch["cvar"]), fitted.latent)
+    offsets, _ = fitted.decode(zeros, batch["cvar"], batch["topology"])
+    template, constants = fitted.body_template, fitted.constants
+    normal = (batch["cvar"].numpy() - template.cvar_mean) / template.cvar_std
+    one = np.concatenate([normal, np.ones((len(normal), 1))], 1)
+    field = (one @ fitted.ppca.regression.numpy()).reshape(len(one), -1, fitted.channels)
+    expected = field[..., :3] * constants.unit_m + template.offset_mean
+    np.testing.assert_allclose(offsets.numpy(), expected, atol=1e-5)
+
+
+def test_a_short_code_is_the_posterior_of_its_own_components(fitted):
+    """It is that of a fit whose other components are nothing, and not the long code cut off."""
+    batch = as_tensors(ToyGarments().batch(np.arange(9)))
+    short = fitted.first(3)
+    assert (short.latent, len(short.ppca.basis)) == (3, 3)
+    silent = copy.deepcopy(fitted)
+    silent.ppca.basis[3:] = 0
+    code, expected, whole = (model.encode(batch) for model in (short, silent, fitted))
+    torch.testing.assert_close(code.mean, expected.mean[:, :3])
+    torch.testing.assert_close(expected.mean[:, 3:], torch.zeros_like(expected.mean[:, 3:]))
+    assert not torch.allclose(code.mean, whole.mean[:, :3], atol=1e-3)
+    given = batch["cvar"], batch["topology"]
+    torch.testing.assert_close(
+        short.decode(code.mean, *given), silent.decode(expected.mean, *given)
+    )
+
+
+def test_pca_and_masked_pca_learn_from_the_same_rows_and_images(monkeypatch):
+    """Each reads rows once, the same ones, and the conditions of their mirror images."""
+    monkeypatch.setattr(training_rows, "LINEAR_ROWS_MAX", 20)
+    monkeypatch.setattr(BodyTemplate, "mirror", property(lambda self: tube_mirror()))
+    read = {}
+
+    class Recorded(ToyGarments):
+        def __init__(self, name):
+            super().__init__()
+            self.seen = read[name] = []
+
+        def batch(self, rows):
+            self.seen.append(("rows", *rows))
+            return super().batch(rows)
+
+        def mirrored_cvar(self, rows):
+            self.seen.append(("images", *rows))
+            return super().cvar(rows)
+
+    StaticPpca(PpcaSettings(latent=4, seed=5), toy_template()).fit(Recorded("ppca"))
+    fit_training_pca(Recorded("pca"), tube_mirror(), components=4, seed=5)
+    assert read["ppca"] == read["pca"]
+    assert [(kind, len(rows)) for kind, *rows in read["pca"]] == [("rows", 20), ("images", 20)]
 
 
 def test_offsets_outside_the_mask_are_not_looked_at(fitted):

@@ -8,6 +8,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.baselines import fit_training_pca
 from drapeline.metrics.garment import garment_mesh
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codec import decode_codes, encode_garments
@@ -60,9 +61,11 @@ def test_registered_offsets_give_back_what_was_registered(garments, held_out):
 def test_pca_gives_training_garments_back_if_it_has_as_many_components(garments):
     rows = garments.rows("train")[:3]
     training = [HeldOutGarment(row, "", "", as_registered(garments, row)) for row in rows]
-    pca = OffsetPca(garments, toy_template(), 64)
-    assert pca.code_numbers("Dress") == len(pca._pca.axes) <= 64
-    assert OffsetPca(garments, toy_template(), 2).code_numbers("Dress") == 2
+    fitted = fit_training_pca(garments, None, components=64, seed=0)
+    pca = OffsetPca("body_pca", fitted, garments, toy_template())
+    assert pca.code_numbers("Dress") == len(fitted.axes) <= 64
+    short = OffsetPca("body_pca_2", fitted.first(2), garments, toy_template())
+    assert (short.variant, short.code_numbers("Dress")) == ("body_pca_2", 2)
     for one, mesh in zip(training, pca.rebuild(training), strict=True):
         assert_same(mesh, one.mesh, atol=1e-5)
 

@@ -18,7 +18,7 @@ import torch
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import read_record, solver_name
+from drapeline.dataset.record import clip_name, read_record, solver_name
 from drapeline.dataset.shards import samples_named
 from drapeline.errors import InputError
 from drapeline.generation.moving_sheets import job_draper
@@ -74,7 +74,7 @@ class KnownPicture:
     """A picture of a simulated sample."""
 
     picture: Picture  # of one person
-    sample: str  # its name
+    clip: str  # that the sample moves through
     source: str  # cloth solver that moved the garments
     body: PosedBody  # at rest and posed
     true: dict[str, Mesh]  # class -> simulated garment, in the world of the camera
@@ -159,8 +159,9 @@ def _take_picture(
     )
     person = Person(sample.gender, shape, pose, trans, camera, ~nobody, nobody, seen)
     picture = Picture(f"{sample.id}_{frame:03d}", classes, None, (person,))
-    source = solver_name(sample.meta or {})
-    return KnownPicture(picture, sample.id, source, body, true, types)
+    meta = sample.meta or {}
+    clip, source = clip_name(meta, sample.id), solver_name(meta)
+    return KnownPicture(picture, clip, source, body, true, types)
 
 
 def _camera(
@@ -321,9 +322,7 @@ def _record(
         if variant not in _MEANS.values():
             share = float(values["silhouette_iou"] > mean[name]["silhouette_iou"])
             better = {"better_than_mean_share": share}
-        one = Measured(
-            known.sample, known.garments[name], {**values, **better, **cost}, known.source
-        )
+        one = Measured(known.clip, known.garments[name], {**values, **better, **cost}, known.source)
         measured.setdefault(variant, []).append(one)
 
 

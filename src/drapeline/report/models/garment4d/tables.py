@@ -214,7 +214,7 @@ _SECTIONS = (
 )
 _ABOUT = (
     "Test split, which only evaluation reads. Means over whole sequences, all of one weight,"
-    " with 95 % intervals from resampling sequences where there are three or more. The smallest"
+    " with 95 % intervals from resampling clips where there are three or more. The smallest"
     " error of a column, or the largest share of right labels, is green. All models are given"
     " the pose and shape of the body, as in the released code;"
     " <code>snakemake garment4d_ablations</code> adds tables of what a noisy body does.",

@@ -57,7 +57,7 @@ _SECTIONS = (
         " opponent: it needs no fit. Garments are skinned with smoothed weights, or"
         " the fast cloth solver lets them hang on the person; both are compared"
         " with the mean code worn in the same way. Where two people are in a picture, the one"
-        " in front hides a part of the other. Intervals are from resampling samples.",
+        " in front hides a part of the other. Intervals are from resampling clips.",
         by_source=True,
     ),
 )
