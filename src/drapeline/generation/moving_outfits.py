@@ -11,6 +11,8 @@ import numpy as np
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
+from drapeline.dataset.info_mat import SampleInfo
+from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.errors import InputError
 from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.frames import GENDERS
@@ -38,6 +40,7 @@ class SimulatedOutfit:
         garments: garment type -> its mesh at rest (`rest`), and one in each frame (`frames`),
             metres, from the innermost to the outermost.
         body: the wearer in each frame, metres.
+        model: the wearer's, in SMPL's format.
     """
 
     gender: str
@@ -46,6 +49,22 @@ class SimulatedOutfit:
     trans: np.ndarray
     garments: dict[str, SimulatedSheet]
     body: list[Mesh]
+    model: BodyModel
+
+    @classmethod
+    def of(
+        cls, garments: dict[str, SimulatedSheet], model: BodyModel, record: BodySequence
+    ) -> "SimulatedOutfit":
+        """Garments that move with a body."""
+        return cls(
+            gender=record.gender,
+            shape=record.shape,
+            poses=record.poses,
+            trans=record.trans,
+            garments=garments,
+            body=[Mesh(frame, model.faces) for frame in body_sequence_vertices(model, record)],
+            model=model,
+        )
 
 
 def simulate(
@@ -115,14 +134,30 @@ def simulate(
             simulation=chosen,
             bounds=limits,
         )
-    vertices = body_sequence_vertices(model, record)
-    return SimulatedOutfit(
-        gender=gender,
-        shape=record.shape,
-        poses=record.poses,
-        trans=record.trans,
-        garments=garments,
-        body=[Mesh(frame, model.faces) for frame in vertices],
+    return SimulatedOutfit.of(garments, model, record)
+
+
+def write_outfit(
+    folder: str | Path, worn: SimulatedOutfit, colours: Mapping[str, Sequence[float]]
+) -> None:
+    """Write a CLOTH3D folder as `write_reconstruction` does.
+
+    Args:
+        folder: replaced as a whole; its name is the sample's id.
+        colours: garment type -> sRGB in 0-1.
+    """
+    textures = {
+        name: {"texture": {"type": "color", "data": list(colours[name])}} for name in worn.garments
+    }
+    write_reconstruction(
+        folder,
+        worn.model,
+        SampleInfo(worn.poses, worn.trans, worn.shape, worn.gender, outfit=textures),
+        [
+            GarmentAnimation(name, sheet.rest, np.stack([one.vertices for one in sheet.frames]))
+            for name, sheet in worn.garments.items()
+        ],
+        np.stack([one.vertices for one in worn.body]),
     )
 
 

@@ -235,6 +235,9 @@ class SampledGarment:
     request: Request  # what was asked for
     garment: str  # its type
     z: np.ndarray  # (Z,) its code
+    # offsets, mask: (V, 3) metres and (V,) bool, as decoded.
+    offsets: np.ndarray
+    mask: np.ndarray
     decoded: Mesh  # the garment as decoded
     piece: Mesh  # its largest connected piece
     mesh: Mesh  # the piece, evened out and pushed out of the body if that was asked for
@@ -325,7 +328,11 @@ def _draw_once(
         body = model.body_template.rest_body(request.cvar)
         mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment), mask)
         piece = largest_piece(mesh)
-        sampled.append(SampledGarment(name, request, garment, z, mesh, piece, piece, body, draws))
+        sampled.append(
+            SampledGarment(
+                name, request, garment, z, offsets, mask, mesh, piece, piece, body, draws
+            )
+        )
     return sampled
 
 
