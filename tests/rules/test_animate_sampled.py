@@ -1,6 +1,8 @@
 """The rule that sets sampled outfits in motion, on a toy body."""
 
 import csv
+import json
+import re
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -21,7 +23,7 @@ from drapeline.motions.motion import Motion, save_motion
 from drapeline.simulation.settings import SimulationSettings
 from toys.gcvae_stages import train_static, write_stages
 
-FRAMES, OUTFITS = 4, ("Tshirt+Trousers", "Dress")
+FRAMES, OUTFITS, MOVERS = 4, ("Tshirt+Trousers", "Dress"), ("ppca", "solver")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +75,7 @@ def animated(run_rule, folder, given):
             "bodies": BodySettings(bmi_range=None, shape_range=0.0).plain(),
             "tightness": [0.0, 0.0],
             "tightness_range": [-1.5, 0.5],
-            "movers": ["ppca", "solver"],
+            "movers": list(MOVERS),
             "settle": True,
             "hang_frames": 2,
             "solver": "drapeline.xpbd.solver",
@@ -91,7 +93,7 @@ def test_every_mover_moves_the_same_garments(animated):
         rows = list(csv.DictReader(stream, delimiter="\t"))
     told = [(row["name"], row["mover"], row["outfit"]) for row in rows]
     assert told == [
-        (f"drawn{k}", mover, kind) for k, kind in enumerate(OUTFITS) for mover in ("ppca", "solver")
+        (f"drawn{k}", mover, kind) for k, kind in enumerate(OUTFITS) for mover in MOVERS
     ]
     for row in rows:
         folder = animated / f"{row['name']}_{row['mover']}"
@@ -111,3 +113,22 @@ def test_files_are_read_back(animated):
             if part.name != "Body":
                 for points, cloth in zip(part.frames(), sample.vertices(part.name), strict=True):
                     assert KDTree(points).query(to_y_up(cloth))[0].max() < 1e-3
+
+
+def test_a_page_has_all_movers_side_by_side(run_rule, animated, tmp_path):
+    pages = {f"drawn{k}": tmp_path / f"{k}.html" for k in range(2)}
+    run_rule(
+        "drapeline.models.gcvae.animate:show_animated",
+        input={"animated": animated},
+        output=pages,
+        params={"names": list(pages)},
+    )
+    for name, kind in zip(pages, OUTFITS, strict=True):
+        text = pages[name].read_text()
+        header = json.loads(re.search(r'id="header">(.*?)</script>', text, re.DOTALL)[1])
+        assert [label["text"] for label in header["labels"]] == list(MOVERS)
+        body, *garments = header["parts"]
+        assert (body["name"], len(body["at"])) == ("Body", 2)
+        told = {f"{garment} ({mover})" for garment in kind.split("+") for mover in MOVERS}
+        assert {part["name"] for part in garments} == told
+        assert header["frames"] == FRAMES

@@ -42,11 +42,12 @@ from drapeline.motions.motion import load_motion
 from drapeline.outfits.garment_types import layered
 from drapeline.outfits.worn import DrapedSheet
 from drapeline.report.colours import garment_colour
+from drapeline.report.dataset.viewer import write_side_by_side
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.simulation.health import HealthMonitor, summary, watch_mesh
 from drapeline.simulation.settings import SimulationSettings
-from drapeline.storage import atomic_folder, write_rows
+from drapeline.storage import atomic_folder, read_rows, write_rows
 
 TABLE = "outfits.tsv"
 # Of `health.summary`, what tells of every mover.
@@ -116,6 +117,21 @@ def animate_outfits(job: Job) -> None:
                 about |= {"clip": plan.sub_sequence, "mover": name}
                 rows.append({**about, **measure(worn, moved.get(SOLVER))})
         write_rows(scratch / TABLE, [_texts(row) for row in rows])
+
+
+def show_animated(job: Job) -> None:
+    """Pages on which an outfit moves in several ways, side by side."""
+    folder = Path(job.input.animated)
+    _, rows = read_rows(folder / TABLE, "a table of outfits in motion")
+    for name in job.params.names:
+        own = [row for row in rows if row["name"] == name]
+        lines = [f"{own[0]['outfit']}, {own[0]['gender']}, {own[0]['clip']}"] if own else []
+        write_side_by_side(
+            job.output[name],
+            {row["mover"]: folder / f"{name}_{row['mover']}" for row in own},
+            f"{name}, a sampled outfit" if own else f"Nothing moved {name}",
+            lines,
+        )
 
 
 def draw_outfit(

@@ -467,6 +467,7 @@ class _GcvaeTasks:
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
+            **({"show_gcvae_animated": self._show_animated()} if self._animated_pages() else {}),
             "plot_gcvae_wrinkles": figure(
                 f"{_HERE}.figures:plot_wrinkles",
                 moving,
@@ -475,6 +476,27 @@ class _GcvaeTasks:
                     "gcvae_wrinkles.png", "figure 10: wrinkle codes elsewhere", "gcvae_wrinkles"
                 ),
             ),
+        }
+
+    def _show_animated(self) -> Figure:
+        pages = self._animated_pages()
+        return figure(
+            f"{_HERE}.animate:show_animated",
+            {"animated": f"{self.folder}/animated"},
+            {"names": list(pages)},
+            checks=[self._check_outfits],
+            default=False,
+        )._replace(output=pages)
+
+    def _animated_pages(self) -> dict[str, ReportFile]:
+        """A page for each outfit in motion."""
+        return {
+            plan["sample"]: ReportFile(
+                f"gcvae_animated_{plan['sample']}.html",
+                f"a sampled outfit in motion ({plan['sample']})",
+                "gcvae_animated",
+            )
+            for plan in self._animate().params["plans"]
         }
 
     def _tables(self, table: str, name: str, *, default: bool = True) -> Figure:
@@ -492,7 +514,10 @@ class _GcvaeTasks:
         report = f"{self.files.results}/report"
         return {
             "sample_garments": [f"{self.folder}/sampled"],
-            "animate_sampled": [f"{self.folder}/animated"],
+            "animate_sampled": [
+                f"{self.folder}/animated",
+                *(f"{report}/{page.file}" for page in self._animated_pages().values()),
+            ],
             "gcvae_ablations": [self.files.metrics(_ABLATIONS), f"{report}/gcvae_ablations.html"],
         }
 
