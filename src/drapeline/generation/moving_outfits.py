@@ -109,10 +109,10 @@ def simulate(
         InputError: an argument is out of range, the body overlaps itself in this motion, or the
             simulation is out of bounds; names what was found and expected.
     """
-    worn, model = _garments_of(outfit), _body(body, gender)
+    worn, model = _garments_of(outfit), wearer(body, gender)
     cloth, chosen = _solver(solver), SimulationSettings(**(settings or {}))
     limits = HealthBounds(**(bounds or {}))
-    record = _put_on(model, motion, gender, shape, removable_limbs(worn))
+    record = put_on(model, motion, gender, shape, worn, made_for_it=not isinstance(outfit, str))
     if isinstance(outfit, str):
         made = sample_outfit(
             rng_for(seed, "outfit"),
@@ -126,7 +126,7 @@ def simulate(
         garments = move_outfit(DressedBody(model, record, made), cloth, chosen, limits)
     else:
         garments = simulate_sheets(
-            _sheets(outfit, record),
+            {name: Mesh(mesh.vertices, mesh.triangles) for name, mesh in outfit.items()},
             model,
             record,
             cloth,
@@ -173,7 +173,12 @@ def _garments_of(outfit: str | Mapping[str, Mesh]) -> list[str]:
     return list(outfit)
 
 
-def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
+def wearer(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
+    """A body as `simulate` takes it.
+
+    Raises:
+        InputError: there is no such gender, or the file is missing or damaged.
+    """
     if gender not in GENDERS:
         raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
     if isinstance(body, BodyModel):
@@ -181,13 +186,25 @@ def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
     return load_body(free_body(gender) if body is None else body)
 
 
-def _put_on(
+def put_on(
     body: BodyModel,
     motion: Motion,
     gender: str,
     shape: Sequence[float] | np.ndarray | None,
-    removable: str,
+    garments: Sequence[str],
+    *,
+    made_for_it: bool,
 ) -> BodySequence:
+    """A body in motion, free of self-collisions.
+
+    Args:
+        shape: (10,); the mean body if None.
+        garments: types that it is going to wear.
+        made_for_it: whether they fit this shape alone, so that the body cannot be made thinner.
+
+    Raises:
+        InputError: the shape is not 10 numbers, or the body overlaps itself in this motion.
+    """
     wanted = np.zeros(10) if shape is None else np.asarray(shape, dtype=np.float64)
     if wanted.shape != (10,) or not np.isfinite(wanted).all():
         raise InputError(f"shape: {wanted!r:.100}, expected 10 finite numbers")
@@ -199,10 +216,15 @@ def _put_on(
         motion.trans,
         gender=gender,
         reference_leg_length_m=motion.reference_leg_length_m,
-        removable=removable,
+        removable=removable_limbs(garments),
     )
     if record.outcome == "rejected":
         raise InputError(f"{motion.sequence}: {record.reason}")
+    if made_for_it and record.outcome == "thinned":
+        raise InputError(
+            "shape: the body overlaps itself in this motion and would be made thinner, but these"
+            " garments are made for it; expected another shape or motion"
+        )
     return record
 
 
@@ -216,12 +238,3 @@ def _solver(solver: str | ClothSolver | None) -> ClothSolver:
     else:
         raise InputError(f"solver: '{solver}', expected one of {', '.join(CLOTH_SOLVERS)}")
     return import_module(code).cloth_solver(1)
-
-
-def _sheets(meshes: Mapping[str, Mesh], record: BodySequence) -> dict[str, Mesh]:
-    if record.outcome == "thinned":
-        raise InputError(
-            "shape: the body overlaps itself in this motion and would be made thinner, but these"
-            " garments are made for it; expected another shape or motion"
-        )
-    return {name: Mesh(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}

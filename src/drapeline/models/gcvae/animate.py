@@ -14,13 +14,11 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.frames import REST_POSE
 from drapeline.generation.body import animate
 from drapeline.generation.moving_outfits import SimulatedOutfit, write_outfit
 from drapeline.generation.moving_sheets import (
     WORN,
     SimulatedSheet,
-    SolverDraper,
     job_draper,
     simulate_sheets,
 )
@@ -28,7 +26,7 @@ from drapeline.generation.settings import BodySettings
 from drapeline.job import Job
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.movers import WornSheet, load_mover, move_by_model
+from drapeline.models.gcvae.movers import WornSheet, hang_at_rest, load_mover, move_by_model
 from drapeline.models.gcvae.sample import (
     GarmentTypes,
     Request,
@@ -87,7 +85,8 @@ def animate_outfits(job: Job) -> None:
                 params.tightness_range,
                 settle=params.settle,
             )
-            hung = hang_outfit(drawn, body, draper)
+            meshes = {kind: one.mesh for kind, one in drawn.items()}
+            hung = hang_at_rest(meshes, body, plan.gender, record.shape, draper)
             moved = {}
             for name in params.movers:
                 LOGGER.info("%s: %s by %s", plan.sample, plan.outfit_type, name)
@@ -162,27 +161,6 @@ def draw_outfit(
     }
     sampled = sample_garments(model, types, requests, seed, settle=settle)
     return {one.garment: one for one in sampled}
-
-
-def hang_outfit(
-    sampled: Mapping[str, SampledGarment], body: BodyModel, draper: SolverDraper | None
-) -> dict[str, DrapedSheet]:
-    """Garment type -> the garment at rest as it is put on, and as it hangs on its wearer."""
-    first = next(iter(sampled.values())).request
-    draped = (
-        {}
-        if draper is None
-        else draper(
-            {name: one.mesh for name, one in sampled.items()},
-            body,
-            first.gender,
-            np.asarray(first.shape, dtype=np.float64),
-            REST_POSE,
-            np.zeros(3),
-            np.array([0.0, 0.0, 1.0]),
-        )
-    )
-    return draped or {name: DrapedSheet(one.mesh, one.mesh) for name, one in sampled.items()}
 
 
 def _simulate(

@@ -13,14 +13,15 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from drapeline.bodies.follow import pose_body
 from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
 from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.errors import InputError
-from drapeline.frames import JOINT_NAMES
-from drapeline.generation.moving_sheets import SimulatedSheet
+from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.generation.moving_sheets import SimulatedSheet, SolverDraper
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh, barycentric, faces_within
@@ -32,7 +33,7 @@ from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.outfits.worn import push_over
+from drapeline.outfits.worn import DrapedSheet, push_over, stack_layers
 from drapeline.registration.to_body.topology import topology_codes
 
 # No garment covers these, so that registered bodies do not have them either.
@@ -69,6 +70,29 @@ def load_mover(folder: str | Path) -> GarmentCodec:
             " as of dvae_unposed_4"
         )
     return model
+
+
+def hang_at_rest(
+    meshes: Mapping[str, Mesh],
+    body: BodyModel,
+    gender: str,
+    shape: np.ndarray,
+    draper: SolverDraper | None,
+) -> dict[str, DrapedSheet]:
+    """Garment type -> cloth at rest as it is put on, and as it hangs on its wearer.
+
+    Args:
+        meshes: garment type -> triangles at rest, from the innermost to the outermost.
+        shape: (10,) of the wearer.
+        draper: lets them hang; without it, or where they do not stay on, layers are put on alone.
+    """
+    shape = np.asarray(shape, dtype=np.float64)
+    if draper is not None:
+        still, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
+        if draped := draper(meshes, body, gender, shape, REST_POSE, still, up):
+            return draped
+    worn = stack_layers(list(meshes.values()), pose_body(body, shape, REST_POSE, np.zeros(3)))
+    return {name: DrapedSheet(one, one) for name, one in zip(meshes, worn, strict=True)}
 
 
 def move_by_model(

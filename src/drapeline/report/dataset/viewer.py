@@ -18,7 +18,7 @@ from PIL import Image
 
 from drapeline.dataset.pictures import halved_picture
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import SPLITS, read_meta
+from drapeline.dataset.record import SPLITS
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
@@ -62,13 +62,14 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
     """
     if folder is None:
         return _write(path, {"title": "No sample was accepted", "lines": []}, b"")
-    meta = read_meta(folder)
-    if meta["status"] != "accepted":
-        title = f"Sample {meta['id']} was {meta['status']}"
-        return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
     with Sample(folder) as sample:
+        meta = sample.meta  # none of what was not simulated, such as a reconstruction
+        if meta is not None and meta["status"] != "accepted":
+            title = f"Sample {meta['id']} was {meta['status']}"
+            return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
+        lines = [", ".join(sample.garments)] if meta is None else _about(meta)
         header, blob = _encode_within(scene_parts(sample), bytes_max)
-        header |= {"title": f"Sample {sample.id}", "lines": _about(meta)}
+        header |= {"title": f"Sample {sample.id}", "lines": lines}
     return _write(path, header, blob)
 
 
