@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from drapeline.bodies.model import BodyModel, load_bodies, posed_vertices
 from drapeline.bodies.rest_body import signed_tightness
@@ -23,9 +24,10 @@ from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.generation.moving_sheets import SolverDraper, job_draper
-from drapeline.geometry.collision import resolve_penetration
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.collision import PenetrationResolver
+from drapeline.geometry.mesh import Mesh, boundary_edges, edge_graph, edges
 from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.geometry.smoothing import averaging_matrix, fairing, fill_dents
 from drapeline.job import Job
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
@@ -41,6 +43,10 @@ from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 _SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
 
 _BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+
+# What mends a decoded garment: strength of `fairing`, and waves and passes of `fill_dents`.
+_FAIRING, _DENT_M, _DENT_PASSES = 50.0, 0.35, 3
+_HOLE_SHARE = 0.02  # of the body's vertices; a larger hole is meant
 
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
@@ -291,16 +297,35 @@ def sample_garments(
     sampled = [latest[name] for name in requests]
     if not settle:
         return sampled
-    return [replace(s, mesh=push_out(model, s.piece, s.body)) for s in sampled]
+    return [replace(s, mesh=mend(model, s.piece, s.body)) for s in sampled]
 
 
-def push_out(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
-    """A decoded garment, evened out and pushed out of the body (V, 3) that it was decoded on."""
+def mend(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
+    """A decoded garment without what cannot be cloth, on the body (V, 3) that it was decoded on.
+
+    Decoded garments follow the body into the navel and between the legs, long hems are stacked
+    folds, and boundaries are jagged: what is narrower than a hand is smoothed, dents are spanned,
+    and what is in the body then is pushed out.
+    """
     if not len(piece.faces):
         return piece
-    body_faces = model.body_template.faces[TOPOLOGIES[0]]
-    (vertices,) = resolve_penetration(piece.vertices[None], piece.faces, body[None], body_faces)
-    return Mesh(vertices, piece.faces)
+    count = len(piece.vertices)
+    fair = fairing(piece.faces, count, _FAIRING)
+    points = fair(piece.vertices.astype(np.float64))
+    points = fair(fill_dents(points, piece.faces, _DENT_M, _DENT_PASSES))
+    average = averaging_matrix(piece.faces, count)
+    resolver = PenetrationResolver(body, model.body_template.faces[TOPOLOGIES[0]])
+    return Mesh(resolver.push_out(points.astype(np.float32), average), piece.faces)
+
+
+def fill_holes(mask: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """A mask (V,) without small holes: what is beyond a hem reaches to an end of the body."""
+    pairs = edges(faces)
+    links = edge_graph(pairs[~mask[pairs].any(axis=1)], len(mask))
+    _, piece = connected_components(links, directed=False)
+    size = np.bincount(piece)
+    size[piece[np.unique(boundary_edges(faces))]] = len(mask)
+    return mask | (size[piece] <= _HOLE_SHARE * len(mask))
 
 
 def _draw_once(
@@ -326,8 +351,9 @@ def _draw_once(
         requests.items(), codes, decoded, strict=True
     ):
         body = model.body_template.rest_body(request.cvar)
-        mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment), mask)
-        piece = largest_piece(mesh)
+        faces = model.body_template.faces_of(garment)
+        mesh = garment_mesh(body + offsets, faces, mask)
+        piece = largest_piece(garment_mesh(body + offsets, faces, fill_holes(mask, faces)))
         sampled.append(
             SampledGarment(
                 name, request, garment, z, offsets, mask, mesh, piece, piece, body, draws

@@ -32,7 +32,7 @@ from drapeline.models.gcvae.sample import (
     decode_by_type,
     draw_requests,
     load_types,
-    push_out,
+    mend,
     sample_garments,
 )
 from drapeline.models.gcvae.settings import SOLVER
@@ -228,7 +228,7 @@ class StaticModel:
             faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
-                mesh = push_out(self._codec, largest_piece(mesh), body)
+                mesh = mend(self._codec, largest_piece(mesh), body)
             made.append(self._garment(request, decoded.garment, mesh, code))
         return made
 
