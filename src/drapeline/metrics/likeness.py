@@ -75,7 +75,7 @@ def _hem_mm(mesh: Mesh) -> float:
     would draw in, have no waves.
     """
     squares: list[np.ndarray] = [np.zeros(0)]
-    for loop in boundary_loops(mesh.faces):
+    for loop in boundary_loops(_without_corners(mesh.faces)):
         points = mesh.vertices[np.append(loop, loop[0])].astype(np.float64)
         way = np.append(0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         count = int(way[-1] / _HEM_STEP_M)
@@ -89,6 +89,17 @@ def _hem_mm(mesh: Mesh) -> float:
         squares.append((height**2).sum(axis=1))
     joined = np.concatenate(squares)
     return 1e3 * float(np.sqrt(joined.mean())) if len(joined) else 0.0
+
+
+def _without_corners(faces: np.ndarray) -> np.ndarray:
+    """Faces without those at vertices that lie on two boundaries, so that loops do not touch."""
+    while len(faces):
+        vertex, count = np.unique(boundary_edges(faces), return_counts=True)
+        touching = np.isin(faces, vertex[count > 2]).any(axis=1)
+        if not touching.any():
+            break
+        faces = faces[~touching]
+    return faces
 
 
 class Variety(NamedTuple):

@@ -468,6 +468,29 @@ class _GcvaeTasks:
                 ),
             ),
             **({"show_gcvae_animated": self._show_animated()} if self._animated_pages() else {}),
+            "compare_gcvae_samples": figure(
+                f"{_HERE}.likeness:compare_with_real",
+                {
+                    **bodies,
+                    "samples": f"{self.folder}/sampled",
+                    "model": model,
+                    "data": self.files.static,
+                    "outfits": self.files.outfits_at_rest,
+                },
+                {
+                    "seed": self.seed,
+                    "split": EVALUATED_SPLITS[0],
+                    "hang_frames": self.settings["sampling"]["hang_frames"],
+                    **self.files.hanging,
+                },
+                checks=[self.files.resting_in(*EVALUATED_SPLITS)],
+                modules=[self.files.hanging_solver],
+                default=False,
+                page=ReportFile(
+                    "gcvae_likeness.html", "sampled garments beside real ones", "gcvae_likeness"
+                ),
+                table="gcvae_likeness.tsv",
+            ),
             "plot_gcvae_wrinkles": figure(
                 f"{_HERE}.figures:plot_wrinkles",
                 moving,
@@ -514,6 +537,7 @@ class _GcvaeTasks:
         report = f"{self.files.results}/report"
         return {
             "sample_garments": [f"{self.folder}/sampled"],
+            "compare_sampled": [f"{report}/gcvae_likeness.html"],
             "animate_sampled": [
                 f"{self.folder}/animated",
                 *(f"{report}/{page.file}" for page in self._animated_pages().values()),

@@ -31,6 +31,7 @@ from drapeline.geometry.smoothing import averaging_matrix, fairing, fill_dents
 from drapeline.job import Job
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
+from drapeline.metrics.likeness import cloth_measures
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
 from drapeline.models.gcvae.load import TrainingCodes, load_codec, load_training_codes
 from drapeline.models.training.module import BEST
@@ -363,13 +364,19 @@ def _draw_once(
 
 
 def sample_table(
-    sampled: Sequence[SampledGarment], body_faces: np.ndarray
+    sampled: Sequence[SampledGarment], body_faces: np.ndarray, hung: Mapping[str, Mesh]
 ) -> list[dict[str, str | float]]:
-    """A row per sample: what was asked for, what came of it, and measures before and after."""
+    """A row per sample: what was asked for, what came of it, and measures.
+
+    Those that end in `_before` are of the garment as decoded, the others of the mended one, and of
+    the one that has hung, by name in `hung`, where it has.
+    """
     rows: list[dict[str, str | float]] = []
     for sample in sampled:
         before = shape_measures(sample.decoded, sample.body, body_faces)
         after = shape_measures(sample.mesh, sample.body, body_faces)
+        looks = cloth_measures(hung.get(sample.name, sample.mesh))
+        crossed = cloth_measures(sample.decoded)["self_crossings"]
         rows.append(
             {
                 "name": sample.name,
@@ -385,6 +392,9 @@ def sample_table(
                 "inside_1cm_share": after["inside_1cm_share"],
                 "inside_share": after["inside_share"],
                 "inside_depth_mm": after["inside_depth_mm"],
+                "hung": int(sample.name in hung),
+                "self_crossings_before": crossed,
+                **looks,
                 "tightness_0": float(sample.request.tightness[0]),
                 "tightness_1": float(sample.request.tightness[1]),
             }
@@ -413,7 +423,7 @@ def save_samples(
     Returns:
         The rows of `samples.tsv`.
     """
-    rows = sample_table(sampled, body_faces)
+    rows = sample_table(sampled, body_faces, hung)
     with atomic_folder(folder) as scratch:
         (scratch / _HUNG).mkdir()
         for sample in sampled:
@@ -449,10 +459,14 @@ class SavedSample(NamedTuple):
     mesh: Mesh  # the garment; without faces if nothing was decoded
     hung: Mesh  # as it hangs on its wearer; the same where it does not
     cvar: np.ndarray  # (13,) conditions
+    z: np.ndarray  # (Z,) its code
 
 
 _HUNG = "hung"
-_ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}
+_ARRAYS = {
+    **{"name": "str n", "garment": "str n", "asked": "bool n"},
+    **{"cvar": "float n *", "z": "float n *"},
+}
 
 
 def load_samples(folder: str | Path) -> list[SavedSample]:
@@ -465,13 +479,13 @@ def load_samples(folder: str | Path) -> list[SavedSample]:
     about = load_npz(folder / "codes.npz", _ARRAYS)
     nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     samples = []
-    for name, garment, asked, cvar in zip(
-        *(about[key] for key in ("name", "garment", "asked", "cvar")), strict=True
+    for name, garment, asked, cvar, z in zip(
+        *(about[key] for key in ("name", "garment", "asked", "cvar", "z")), strict=True
     ):
         path, hanging = folder / f"{name}.obj", folder / _HUNG / f"{name}.obj"
         mesh = load_obj(path) if path.is_file() else nothing
         hung = load_obj(hanging) if hanging.is_file() else mesh
-        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, hung, cvar))
+        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, hung, cvar, z))
     return samples
 
 

@@ -77,7 +77,7 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
 
     monkeypatch.setattr("drapeline.models.gcvae.sample.decode_codes", with_a_gap)
     sampled = sample_garments(model, types, requests(6), seed=0, settle=False)
-    rows = sample_table(sampled, model.body_template.faces["body"])
+    rows = sample_table(sampled, model.body_template.faces["body"], {})
     for sample, row in zip(sampled, rows, strict=True):
         assert (row["pieces_before"], row["pieces"]) == (2, 1)
         assert row["vertices"] == 10 * AROUND
