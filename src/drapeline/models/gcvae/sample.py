@@ -254,7 +254,7 @@ class SampledGarment:
     @property
     def kept_share(self) -> float:
         """Share of the decoded vertices that are in the largest piece; 0 if none were decoded."""
-        return len(self.piece.vertices) / max(len(self.decoded.vertices), 1)
+        return min(len(self.piece.vertices) / max(len(self.decoded.vertices), 1), 1.0)
 
     def is_sound(self, body_faces: np.ndarray) -> bool:
         """Whether nearly all of it is in one piece and hardly any of it deep in the body."""
