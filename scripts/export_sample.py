@@ -1,4 +1,4 @@
-"""Rules `export_sample` and `export_reconstructed`: garments in motion for other programs."""
+"""Rules `export_sample`, `export_animated` and others: garments in motion for other programs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

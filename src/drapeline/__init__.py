@@ -33,6 +33,7 @@ _HOMES = {
         "floor_report": "motions.floor",
         "import_motion": "motions.importing",
         "measure": "metrics.measure",
+        "save_outfit": "commands.outputs",
         "simulate": "generation.moving_outfits",
     },
     "torch": {

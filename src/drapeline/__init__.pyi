@@ -1,6 +1,7 @@
 from drapeline.bodies.model import BodyModel as BodyModel
 from drapeline.bodies.model import load_body as load_body
 from drapeline.bodies.model import posed_vertices as posed_vertices
+from drapeline.commands.outputs import save_outfit as save_outfit
 from drapeline.dataset.reader import Cloth3D as Cloth3D
 from drapeline.dataset.reader import Sample as Sample
 from drapeline.dataset.reader import open_dataset as open_dataset

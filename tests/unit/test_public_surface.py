@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs/reference/api.md").read_text()
 PUBLIC = {
     *("open_dataset", "load", "import_motion", "simulate", "measure"),
     *("draw", "fit_image", "fit_points", "floor_report", "repose", "posed_vertices"),
-    *("load_body", "load_obj", "save_motion", "save_obj"),
+    *("load_body", "load_obj", "save_motion", "save_obj", "save_outfit"),
     *("BodyModel", "Cloth3D", "InputError", "JOINT_NAMES", "Mesh", "Motion", "SimulatedSheet"),
     *("ReconstructionModel", "Sample", "SimulatedOutfit", "SmplicitModel", "StaticModel"),
 }

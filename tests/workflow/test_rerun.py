@@ -29,7 +29,10 @@ SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
 SOLVER = CLOTH_SOLVERS["xpbd"].code
 # Scripts that are told of the solver that the config names.
 SIMULATE = {"simulate_outfits", "write_samples"}
-HANG = {"fit_own_scans", "fit_picture", "gcvae/sampled"}
+HANG = {
+    *("fit_own_scans", "fit_picture"),
+    *("gcvae/sampled", "gcvae/animated", "gcvae/compare_gcvae_samples"),
+}
 PLANS = {name: model.plan(files_of(ROOT / CONFIG)) for name, model in models().items()}
 TASKS = {
     f"{name}/{folder}": task
@@ -55,6 +58,7 @@ READERS = {
     *("export_sample", "plot_group", "render_gallery", "render_modalities", "render_people"),
     *("sample_clouds", "scan_samples", "view_example", "view_sample", "smplicit/evaluated/images"),
     *(f"{name}/evaluated/scans" for name in ("gcvae", "garment4d", "smplicit")),
+    *("gcvae/animated", "gcvae/show_gcvae_animated"),
 }
 # Function, method or constant -> the scripts and tasks that run it.
 CASES = {
@@ -69,6 +73,7 @@ CASES = {
     # How networks are trained is nothing to those who use them.
     "drapeline.models.garment4d.losses:posed_loss": TRAINED["garment4d"],
     "drapeline.models.gcvae.vae:prepare": TRAINED["gcvae"],
+    "drapeline.models.gcvae.movers:move_by_model": {"gcvae/animated"},
     "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
     # Much imports this module, and a few call this.
     "drapeline.metrics.garment:normal_error_deg": EVALUATED

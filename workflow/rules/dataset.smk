@@ -71,3 +71,27 @@ rule export_sample:
         code=source_hash("export_sample"),
     script:
         "../../scripts/export_sample.py"
+
+
+rule export_animated:
+    # A sampled outfit in motion, see `animate_sampled`.
+    input:
+        f"{RESULTS}/gcvae/animated",
+    output:
+        directory(f"{RESULTS}/exports/{{sample}}/{{format}}"),
+    log:
+        f"{LOGS}/export_animated/{{sample}}-{{format}}.log",
+    benchmark:
+        f"{BENCHMARKS}/export_animated/{{sample}}-{{format}}.tsv"
+    wildcard_constraints:
+        sample=r"drawn\d+_\w+",
+    conda:
+        "../../envs/blender.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        code=source_hash("export_sample"),
+    script:
+        "../../scripts/export_sample.py"

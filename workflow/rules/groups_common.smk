@@ -147,11 +147,7 @@ def motion_parameters(wildcards):
 
 def shard_motions(wildcards):
     """Input function: the clips that the samples of a shard are pieces of."""
-    clips = GROUPS[wildcards.group].clips_of(wildcards.shard)
-    return [
-        f"{RESULTS}/motions/{entry.name}/{entry.loop_frames or 'whole'}.npz"
-        for entry in clips
-    ]
+    return list(map(FILES.motion, GROUPS[wildcards.group].clips_of(wildcards.shard)))
 
 
 def shard_bodies(wildcards):

@@ -3,17 +3,13 @@
 import argparse
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.commands.health_table import health_lines
-from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.mesh_files import write_caches, write_obj_sequence
-from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.commands.outputs import FOLDER_FORMATS, check_output, write_output
 from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
@@ -26,14 +22,11 @@ from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.user_garment import garment_type
 from drapeline.report.dataset.gallery import render_gallery
-from drapeline.report.dataset.people import LEAST_FRAMES, render_people
-from drapeline.report.dataset.viewer import write_viewer
-from drapeline.storage import atomic_folder, copy_folder
+from drapeline.report.dataset.people import LEAST_FRAMES
 
 LOGGER = logging.getLogger("drapeline")
 _BMI = (19.0, 27.0)  # of somebody whom nobody asked for
 _SHAPE_RANGE = 1.5
-_PICTURE = (480, 640)  # pixels
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as",
         dest="folder_format",
-        choices=sorted(_FOLDERS),
+        choices=FOLDER_FORMATS,
         default="cloth3d",
         help="what an output without a suffix is: a sample in CLOTH3D's format (the default), or"
         " OBJ files, one for each frame, or caches of points beside an OBJ file",
@@ -107,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     outputs = [Path(path) for path in args.output or [f"{Path(args.motion).stem}.glb"]]
     for path in outputs:
-        _check_output(path)
+        check_output(path)
     _check_range("bmi", args.bmi, 10, 60)
     _check_range("edge-length", args.edge_length, 0.005, 0.06)
     motion = import_motion(args.motion, joint_map=args.joint_map)
@@ -156,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
         for line in health_lines(measures):
             LOGGER.info("%s", line)
         for path in outputs:
-            _write(path, sample, args.folder_format)
+            write_output(path, sample, args.folder_format)
             LOGGER.info("wrote %s (%.1f MB)", path, _size(path) / 1e6)
     LOGGER.info("%.0f s in all", time.perf_counter() - started)
     return 0
@@ -207,81 +200,6 @@ def outfit_type(wanted: str | None, own: Sequence[str]) -> str:
 def _check_range(name: str, value: float | None, low: float, high: float) -> None:
     if value is not None and not low <= value <= high:
         raise InputError(f"--{name} {value:g}: expected {low:g} to {high:g}")
-
-
-def _check_output(path: Path) -> None:
-    """Refuse a name of no known format before anything is done."""
-    if path.suffix and path.suffix.lower() not in _FILES:
-        raise InputError(
-            f"{path}: '{path.suffix}' is unknown, expected {', '.join(_FILES)} or a folder"
-        )
-    if path.suffix.lower() in _NEEDS:
-        package, test = _NEEDS[path.suffix.lower()]
-        try:
-            test()
-        except ImportError as error:
-            raise InputError(f"{path}: needs {package} ({error})") from error
-    if path.is_dir() and path.suffix:
-        raise InputError(f"{path}: a folder, expected a file")
-
-
-def _write(path: Path, sample: Path, folder_format: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix:
-        _FILES[path.suffix.lower()](path, sample)
-    else:
-        _FOLDERS[folder_format](path, sample)
-
-
-def _write_scene(write: Callable[..., Any]) -> Callable[[Path, Path], None]:
-    def write_parts(path: Path, sample: Path) -> None:
-        with Sample(sample) as opened:
-            write(path, scene_parts(opened))
-
-    return write_parts
-
-
-def _usd() -> Callable[..., None]:
-    from drapeline.blender.usd import write_usd  # here, because few have USD's library
-
-    return write_usd
-
-
-def _alembic() -> Callable[..., None]:
-    from drapeline.blender.export import write_alembic  # here, because few have Blender
-
-    return write_alembic
-
-
-def _write_folder(write: Callable[..., None]) -> Callable[[Path, Path], None]:
-    def write_parts(path: Path, sample: Path) -> None:
-        with Sample(sample) as opened, atomic_folder(path) as scratch:
-            write(scratch, scene_parts(opened))
-
-    return write_parts
-
-
-def _late(writer: Callable[[], Callable[..., None]]) -> Callable[[Path, Path], None]:
-    return lambda path, sample: _write_scene(writer())(path, sample)
-
-
-_FILES: dict[str, Callable[[Path, Path], Any]] = {
-    ".glb": _write_scene(write_glb),
-    ".html": write_viewer,
-    ".webp": lambda path, sample: render_people(path, [sample], size=_PICTURE),
-    ".usdc": _late(_usd),
-    ".abc": _late(_alembic),
-}
-_NEEDS: dict[str, tuple[str, Callable[[], Any]]] = {
-    ".usdc": ("USD's library, usd-core or bpy", _usd),
-    ".abc": ("Blender, bpy", _alembic),
-}
-_FOLDERS: dict[str, Callable[[Path, Path], Any]] = {
-    "cloth3d": lambda path, sample: copy_folder(sample, path),
-    "obj": _write_folder(write_obj_sequence),
-    "pc2": _write_folder(lambda folder, parts: write_caches(folder, parts, ".pc2")),
-    "mdd": _write_folder(lambda folder, parts: write_caches(folder, parts, ".mdd")),
-}
 
 
 def _size(path: Path) -> int:

@@ -324,7 +324,11 @@ class GarmentAnimation(NamedTuple):
 
 
 def write_reconstruction(
-    folder: str | Path, body: BodyModel, info: SampleInfo, garments: Sequence[GarmentAnimation]
+    folder: str | Path,
+    body: BodyModel,
+    info: SampleInfo,
+    garments: Sequence[GarmentAnimation],
+    surface: np.ndarray | None = None,
 ) -> None:
     """Write garments and their body as a CLOTH3D folder without `meta.json`, like the original.
 
@@ -332,6 +336,8 @@ def write_reconstruction(
         folder: replaced as a whole; its name is the sample's id.
         info: F frames, with an outfit entry for each garment.
         garments: F frames each.
+        surface: (F, B, 3) root-relative metres of a body whose parts were pressed apart; None takes
+            it as its joints pose it.
     """
     with atomic_folder(folder) as scratch:
         (scratch / EXTRAS).mkdir()
@@ -343,5 +349,10 @@ def write_reconstruction(
             single = scratch / EXTRAS / f"{name}.f32"
             with point_cache_writer(single, len(rest.vertices)) as full:
                 full.append(frames)
-        posed = (posed_vertices(body, info.shape, info.poses[p])[0] for p in _parts(info.poses))
+        posed = (
+            posed_vertices(body, info.shape, info.poses[part])[0]
+            if surface is None
+            else surface[part]
+            for part in _parts(info.poses)
+        )
         _write_body(scratch, body, info.shape, posed)

@@ -9,6 +9,7 @@ from drapeline.experiment.checks import require_splits
 from drapeline.experiment.groups import PlannedGroup
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
+from drapeline.motions.table import MotionEntry
 from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
 
 # Only what evaluates reads these splits, nothing that trains.
@@ -73,6 +74,10 @@ class ExperimentFiles:
     def scans(self) -> str:
         """Pattern of segmented scans."""
         return f"{self.results}/scans/{{group}}/{{shard}}.npz"
+
+    def motion(self, clip: MotionEntry) -> str:
+        """An imported clip, at the length that it is repeated to."""
+        return f"{self.results}/motions/{clip.name}/{clip.loop_frames or 'whole'}.npz"
 
     @property
     def super_bodies(self) -> dict[str, str]:

@@ -11,6 +11,8 @@ import numpy as np
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
+from drapeline.dataset.info_mat import SampleInfo
+from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.errors import InputError
 from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.frames import GENDERS
@@ -38,6 +40,7 @@ class SimulatedOutfit:
         garments: garment type -> its mesh at rest (`rest`), and one in each frame (`frames`),
             metres, from the innermost to the outermost.
         body: the wearer in each frame, metres.
+        model: the wearer's, in SMPL's format.
     """
 
     gender: str
@@ -46,6 +49,22 @@ class SimulatedOutfit:
     trans: np.ndarray
     garments: dict[str, SimulatedSheet]
     body: list[Mesh]
+    model: BodyModel
+
+    @classmethod
+    def of(
+        cls, garments: dict[str, SimulatedSheet], model: BodyModel, record: BodySequence
+    ) -> "SimulatedOutfit":
+        """Garments that move with a body."""
+        return cls(
+            gender=record.gender,
+            shape=record.shape,
+            poses=record.poses,
+            trans=record.trans,
+            garments=garments,
+            body=[Mesh(frame, model.faces) for frame in body_sequence_vertices(model, record)],
+            model=model,
+        )
 
 
 def simulate(
@@ -90,10 +109,10 @@ def simulate(
         InputError: an argument is out of range, the body overlaps itself in this motion, or the
             simulation is out of bounds; names what was found and expected.
     """
-    worn, model = _garments_of(outfit), _body(body, gender)
+    worn, model = _garments_of(outfit), wearer(body, gender)
     cloth, chosen = _solver(solver), SimulationSettings(**(settings or {}))
     limits = HealthBounds(**(bounds or {}))
-    record = _put_on(model, motion, gender, shape, removable_limbs(worn))
+    record = put_on(model, motion, gender, shape, worn, made_for_it=not isinstance(outfit, str))
     if isinstance(outfit, str):
         made = sample_outfit(
             rng_for(seed, "outfit"),
@@ -107,7 +126,7 @@ def simulate(
         garments = move_outfit(DressedBody(model, record, made), cloth, chosen, limits)
     else:
         garments = simulate_sheets(
-            _sheets(outfit, record),
+            {name: Mesh(mesh.vertices, mesh.triangles) for name, mesh in outfit.items()},
             model,
             record,
             cloth,
@@ -115,14 +134,30 @@ def simulate(
             simulation=chosen,
             bounds=limits,
         )
-    vertices = body_sequence_vertices(model, record)
-    return SimulatedOutfit(
-        gender=gender,
-        shape=record.shape,
-        poses=record.poses,
-        trans=record.trans,
-        garments=garments,
-        body=[Mesh(frame, model.faces) for frame in vertices],
+    return SimulatedOutfit.of(garments, model, record)
+
+
+def write_outfit(
+    folder: str | Path, worn: SimulatedOutfit, colours: Mapping[str, Sequence[float]]
+) -> None:
+    """Write a CLOTH3D folder as `write_reconstruction` does.
+
+    Args:
+        folder: replaced as a whole; its name is the sample's id.
+        colours: garment type -> sRGB in 0-1.
+    """
+    textures = {
+        name: {"texture": {"type": "color", "data": list(colours[name])}} for name in worn.garments
+    }
+    write_reconstruction(
+        folder,
+        worn.model,
+        SampleInfo(worn.poses, worn.trans, worn.shape, worn.gender, outfit=textures),
+        [
+            GarmentAnimation(name, sheet.rest, np.stack([one.vertices for one in sheet.frames]))
+            for name, sheet in worn.garments.items()
+        ],
+        np.stack([one.vertices for one in worn.body]),
     )
 
 
@@ -138,7 +173,12 @@ def _garments_of(outfit: str | Mapping[str, Mesh]) -> list[str]:
     return list(outfit)
 
 
-def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
+def wearer(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
+    """A body as `simulate` takes it.
+
+    Raises:
+        InputError: there is no such gender, or the file is missing or damaged.
+    """
     if gender not in GENDERS:
         raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
     if isinstance(body, BodyModel):
@@ -146,13 +186,25 @@ def _body(body: BodyModel | str | Path | None, gender: str) -> BodyModel:
     return load_body(free_body(gender) if body is None else body)
 
 
-def _put_on(
+def put_on(
     body: BodyModel,
     motion: Motion,
     gender: str,
     shape: Sequence[float] | np.ndarray | None,
-    removable: str,
+    garments: Sequence[str],
+    *,
+    made_for_it: bool,
 ) -> BodySequence:
+    """A body in motion, free of self-collisions.
+
+    Args:
+        shape: (10,); the mean body if None.
+        garments: types that it is going to wear.
+        made_for_it: whether they fit this shape alone, so that the body cannot be made thinner.
+
+    Raises:
+        InputError: the shape is not 10 numbers, or the body overlaps itself in this motion.
+    """
     wanted = np.zeros(10) if shape is None else np.asarray(shape, dtype=np.float64)
     if wanted.shape != (10,) or not np.isfinite(wanted).all():
         raise InputError(f"shape: {wanted!r:.100}, expected 10 finite numbers")
@@ -164,10 +216,15 @@ def _put_on(
         motion.trans,
         gender=gender,
         reference_leg_length_m=motion.reference_leg_length_m,
-        removable=removable,
+        removable=removable_limbs(garments),
     )
     if record.outcome == "rejected":
         raise InputError(f"{motion.sequence}: {record.reason}")
+    if made_for_it and record.outcome == "thinned":
+        raise InputError(
+            "shape: the body overlaps itself in this motion and would be made thinner, but these"
+            " garments are made for it; expected another shape or motion"
+        )
     return record
 
 
@@ -181,12 +238,3 @@ def _solver(solver: str | ClothSolver | None) -> ClothSolver:
     else:
         raise InputError(f"solver: '{solver}', expected one of {', '.join(CLOTH_SOLVERS)}")
     return import_module(code).cloth_solver(1)
-
-
-def _sheets(meshes: Mapping[str, Mesh], record: BodySequence) -> dict[str, Mesh]:
-    if record.outcome == "thinned":
-        raise InputError(
-            "shape: the body overlaps itself in this motion and would be made thinner, but these"
-            " garments are made for it; expected another shape or motion"
-        )
-    return {name: Mesh(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}

@@ -39,7 +39,7 @@ _BAND_M = 0.02  # width of a waistband
 _SLANT_M = 0.06  # from the highest to the lowest point of a waist
 _UP = np.array([0.0, 0.0, 1.0])
 # Decoded garments may touch themselves and their wearer; beyond this, cloth has come undone.
-_WORN = HealthBounds(
+WORN = HealthBounds(
     inside_open_mean=0.03,
     inside_open_max=0.1,
     depth_m=0.06,
@@ -64,7 +64,7 @@ def simulate_sheets(
     record: BodySequence,
     solver: ClothSolver,
     *,
-    edge_length_m: float,
+    edge_length_m: float | None,
     simulation: SimulationSettings,
     bounds: HealthBounds,
 ) -> dict[str, SimulatedSheet]:
@@ -75,7 +75,8 @@ def simulate_sheets(
     Args:
         sheets: garment type -> triangles at rest on the wearer, root-relative metres, Z up, from
             the innermost to the outermost.
-        edge_length_m: sheets with shorter edges are made coarser first.
+        edge_length_m: sheets with shorter edges are made coarser first; None leaves all as they
+            are.
 
     Returns:
         Garment type -> sheet in N frames, root-relative metres, perhaps with fewer vertices than
@@ -90,7 +91,7 @@ def simulate_sheets(
     at_rest = pose_body(body, record.shape, REST_POSE, np.zeros(3))
     layers = stack_layers(list(sheets.values()), at_rest)
     garments = tuple(
-        _garment(name, _coarsen(sheet, edge_length_m))
+        _garment(name, sheet if edge_length_m is None else _coarsen(sheet, edge_length_m))
         for name, sheet in zip(sheets, layers, strict=True)
     )
     even = np.zeros(2)  # the sheets are made for the wearer, not for a tighter or wider body
@@ -199,7 +200,7 @@ class SolverDraper:
                 self.solver,
                 edge_length_m=self.edge_length_m,
                 simulation=self.simulation.replace(attempts=1, floor=False),
-                bounds=_WORN,
+                bounds=WORN,
             )
         except InputError as error:
             LOGGER.info("skinned, not draped: %s", error)

@@ -4,13 +4,23 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import KDTree
 
 from drapeline.geometry.least_squares import symmetric_factor
-from drapeline.geometry.mesh import boundary_edges, edge_graph, edge_lengths, edges
+from drapeline.geometry.mesh import (
+    boundary_edges,
+    edge_graph,
+    edge_lengths,
+    edges,
+    vertex_normals,
+)
 
 # Moves points (P, 3) to where they may be, such as out of a solid.
 Constraint = Callable[[np.ndarray], np.ndarray]
 _EQUALISING_STEP = 0.7
+_SMALL_M2 = 1e-9
+_COTANGENTS = (0.0, 10.0)  # of angles that count; others would make slivers all that counts
+_RIM_M = 0.06  # within which a sheet's free edges hold it more and more
 
 
 def averaging_matrix(
@@ -141,3 +151,52 @@ def fairing(faces: np.ndarray, count: int, strength: float) -> Callable[[np.ndar
     """
     away = sp.eye(count) - averaging_matrix(faces, count, along_boundaries=True)
     return symmetric_factor(sp.eye(count) + strength * away.T @ away).solve
+
+
+def cotangent_laplacian(
+    points: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, sp.csr_matrix]:
+    """Areas (V,) of vertices, and the cotangent Laplacian (V, V), positive semidefinite.
+
+    Args:
+        points: (V, 3) metres.
+        triangles: (F, 3), which may be slivers.
+    """
+    count, corners = len(points), np.asarray(points, dtype=np.float64)[triangles]
+    graph, area = sp.csr_matrix((count, count)), np.full(count, _SMALL_M2)
+    for k in range(3):
+        start, end = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
+        a, b = (corners[:, (k + side) % 3] - corners[:, k] for side in (1, 2))
+        double = np.maximum(np.linalg.norm(np.cross(a, b), axis=1), _SMALL_M2)
+        weight = np.clip(np.einsum("fi,fi->f", a, b) / double, *_COTANGENTS) / 2
+        one = sp.coo_matrix((weight, (start, end)), (count, count))
+        graph = graph + one + one.T
+        area += np.bincount(triangles[:, k], double / 6, count)
+    return area, (sp.diags(_degrees(graph)) - graph).tocsr()
+
+
+def fill_dents(points: np.ndarray, triangles: np.ndarray, wave_m: float, passes: int) -> np.ndarray:
+    """Raise what lies lower than its surroundings, as cloth spans what it is laid over.
+
+    Each pass moves vertices towards the surface without waves shorter than `wave_m`, as far as that
+    is outward: unlike smoothing, it makes no tube thinner. Free edges stay.
+
+    Args:
+        points: (V, 3) metres.
+        triangles: (F, 3), outwards.
+        wave_m: that loses half of its height in a surface without dents.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    rim = np.unique(boundary_edges(triangles))
+    free = np.ones(len(points))
+    if len(rim):
+        free = np.minimum(KDTree(points[rim]).query(points)[0] / _RIM_M, 1)
+    for _ in range(passes):
+        area, stiffness = cotangent_laplacian(points, triangles)
+        bending = stiffness @ sp.diags(1 / area) @ stiffness
+        system = sp.diags(area) + (wave_m / (2 * np.pi)) ** 4 * bending
+        away = symmetric_factor(system).solve(area[:, None] * points) - points
+        outward = np.einsum("vi,vi->v", away, vertex_normals(points, triangles))
+        share = outward / np.maximum(np.linalg.norm(away, axis=1), _SMALL_M2)
+        points = points + (free * np.maximum(share, 0))[:, None] * away
+    return points

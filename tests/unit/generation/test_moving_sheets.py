@@ -162,7 +162,7 @@ def test_what_cannot_hang_is_left_out(toy_body, skirt, monkeypatch, caplog):
     assert hang({"Top": nothing}, toy_body, still) == {}
     assert list(hang({"Skirt": skirt, "Top": nothing}, toy_body, still)) == ["Skirt"]
     strict = NO_BOUNDS.replace(stretch_low=0.999, stretch_high=1.001)
-    monkeypatch.setattr(moving_sheets, "_WORN", strict)
+    monkeypatch.setattr(moving_sheets, "WORN", strict)
     with caplog.at_level("INFO", logger="drapeline"):
         assert hang({"Skirt": skirt}, toy_body, still) == {}
     assert "skinned, not draped: Skirt: stretch_" in caplog.text

@@ -7,8 +7,10 @@ from drapeline.geometry.mesh import boundary_edges, edge_lengths, edges, triangu
 from drapeline.geometry.smoothing import (
     averaging_matrix,
     blur,
+    cotangent_laplacian,
     equalise_edges,
     fairing,
+    fill_dents,
     smooth,
     spread_pushes,
     uniform_laplacian,
@@ -150,3 +152,33 @@ def test_equalising_brings_a_vertex_to_where_its_edges_are_alike(sheet):
     np.testing.assert_array_equal(out[~free], vertices[~free])
     kept = equalise_edges(shifted, faces, free, 20, lambda p: np.maximum(p, [2.5, 0, 0]))
     assert kept[12, 0] == 2.5
+
+
+def test_the_cotangent_laplacian_of_a_flat_sheet_vanishes_but_for_its_rim():
+    plane = tube(0.3, -0.4, 0.4, around=40, rows=30)
+    faces = triangulate(plane.faces)
+    area, stiffness = cotangent_laplacian(plane.vertices, faces)
+    corners = plane.vertices[faces].astype(float)
+    sides = corners[:, 1:] - corners[:, :1]
+    assert area.sum() == pytest.approx(
+        0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum(), rel=1e-4
+    )
+    np.testing.assert_allclose(stiffness.sum(axis=1), 0, atol=1e-9)
+    inside = np.setdiff1d(np.arange(len(area)), boundary_edges(faces))
+    # Heights along the tube are linear, and so have no curvature.
+    np.testing.assert_allclose((stiffness @ plane.vertices[:, 2])[inside], 0, atol=1e-4)
+
+
+def test_dents_are_filled_and_tubes_stay_as_wide():
+    cloth = tube(0.3, -0.4, 0.4, around=60, rows=50)
+    faces, points = triangulate(cloth.faces), cloth.vertices.astype(float)
+    away = np.linalg.norm(points - [0, -0.18, 0], axis=1)
+    depth = 0.03 * np.exp(-((away / 0.05) ** 2))
+    dented = points + depth[:, None] * [0, 1, 0]
+    filled = fill_dents(dented, faces, 0.35, 3)
+    left = np.linalg.norm(filled - points, axis=1)
+    assert left[depth > 0.02].mean() < 0.35 * depth[depth > 0.02].mean()
+    far = away > 0.25
+    np.testing.assert_allclose(filled[far], points[far], atol=4e-3)
+    rim = np.unique(boundary_edges(faces))
+    np.testing.assert_array_equal(filled[rim], dented[rim])

@@ -1,13 +1,21 @@
 """What an experiment does with the garment VAEs."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
+from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
+from drapeline.experiment.plan import ClipPiece, Wardrobe, plan_moving
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.generation.settings import BodySettings
 from drapeline.models.gcvae.settings import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
+    MOVERS,
+    SOLVER,
     STATIC_PPCA,
     SVAE_VARIANTS,
     GcvaeSettings,
@@ -25,6 +33,7 @@ from drapeline.models.registry import (
     page,
 )
 from drapeline.models.training.settings import override_settings
+from drapeline.motions.table import MotionEntry
 
 _HERE = "drapeline.models.gcvae"
 _ABLATIONS = "metrics_gcvae_ablations"
@@ -353,8 +362,88 @@ class _GcvaeTasks:
                 seconds=600 + 20 * asked["count"],
                 megabytes=2000,
                 modules=[self.files.hanging_solver],
-            )
+            ),
+            "animated": self._animate(),
         }
+
+    def _animate(self) -> Task:
+        asked, sampling, config = (
+            self.settings["animation"],
+            self.settings["sampling"],
+            self.files.config,
+        )
+        clip: MotionEntry | None = None
+        plans: list[SamplePlan] = []
+        with suppress(InputError):  # is raised again where the task is wanted
+            clip, plans = self._plan_outfits()
+        learned = {name: MOVERS[name] for name in asked["movers"] if name != SOLVER}
+        return Task(
+            f"{_HERE}.animate:animate_outfits",
+            {
+                **self.files.bodies,
+                "model": f"{self.folder}/{self.shown}",
+                "static": self.static,
+                "motion": self.files.motion(clip) if clip else [],
+                **{name: f"{self.folder}/{variant}" for name, variant in learned.items()},
+            },
+            {
+                "seed": self.seed,
+                "plans": [asdict(plan) for plan in plans],
+                "bodies": {key: config["body"][key] for key in BodySettings.model_fields},
+                "tightness": sampling["tightness"],
+                "tightness_range": config["outfits"]["tightness_range"],
+                "movers": asked["movers"],
+                "settle": sampling["settle"],
+                "hang_frames": sampling["hang_frames"],
+                **self.files.hanging,
+            },
+            seconds=60 + asked["count"] * asked["frames"],
+            megabytes=2500,
+            checks=[self._check_outfits],
+            modules=[self.files.hanging_solver],
+        )
+
+    def _check_outfits(self) -> None:
+        self._plan_outfits()
+
+    def _plan_outfits(self) -> tuple[MotionEntry, list[SamplePlan]]:
+        """The clip of the animation, and who wears what in it.
+
+        Raises:
+            InputError: there is no such clip, no model learns a garment, or male bodies are left
+                with nothing to wear.
+        """
+        asked, config = self.settings["animation"], self.files.config
+        moving = self.files.moving_plans.values()
+        clips = {name: clip for group in self.files.moving for name, clip in group.clips.items()}
+        chosen = asked["clip"] or next(
+            (
+                plan.sequence
+                for split in ("test", "val", "train")
+                for plan in moving
+                if plan.split == split
+            ),
+            "",
+        )
+        if chosen not in clips:
+            raise InputError(
+                f"gcvae.animation.clip: '{chosen}', expected one of {', '.join(clips) or 'none'}"
+            )
+        piece = next(plan for plan in moving if plan.sequence == chosen)
+        worn = [plan.outfit_type for plan in self.files.resting_plans.values()]
+        types = asked["types"] or list(dict.fromkeys(worn))
+        known = self.files.types_at_rest("train")
+        for garment in (name for worn in types for name in worn.split("+")):
+            if garment not in known:
+                raise InputError(
+                    f"gcvae.animation.types: {garment}, expected garments of the outfits at rest:"
+                    f" {', '.join(known)}"
+                )
+        frames = min(asked["frames"], clips[chosen].frames - piece.start)
+        cut = ClipPiece(chosen, piece.part, piece.start, piece.start + frames)
+        wardrobe = Wardrobe(config["body"]["female_share"], types, config["outfits"]["male_skirts"])
+        plans = plan_moving(asked["count"], "drawn", lambda *_: cut, {chosen: "test"}, wardrobe)
+        return clips[chosen], plans
 
     def figures(self) -> dict[str, Figure]:
         """Tables 3 and 4 of the paper, figures 7 to 10, and samples."""
@@ -417,6 +506,30 @@ class _GcvaeTasks:
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
+            **({"show_gcvae_animated": self._show_animated()} if self._animated_pages() else {}),
+            "compare_gcvae_samples": figure(
+                f"{_HERE}.likeness:compare_with_real",
+                {
+                    **bodies,
+                    "samples": f"{self.folder}/sampled",
+                    "model": model,
+                    "data": self.files.static,
+                    "outfits": self.files.outfits_at_rest,
+                },
+                {
+                    "seed": self.seed,
+                    "split": EVALUATED_SPLITS[0],
+                    "hang_frames": self.settings["sampling"]["hang_frames"],
+                    **self.files.hanging,
+                },
+                checks=[self.files.resting_in(*EVALUATED_SPLITS)],
+                modules=[self.files.hanging_solver],
+                default=False,
+                page=ReportFile(
+                    "gcvae_likeness.html", "sampled garments beside real ones", "gcvae_likeness"
+                ),
+                table="gcvae_likeness.tsv",
+            ),
             "plot_gcvae_wrinkles": figure(
                 f"{_HERE}.figures:plot_wrinkles",
                 moving,
@@ -425,6 +538,27 @@ class _GcvaeTasks:
                     "gcvae_wrinkles.png", "figure 10: wrinkle codes elsewhere", "gcvae_wrinkles"
                 ),
             ),
+        }
+
+    def _show_animated(self) -> Figure:
+        pages = self._animated_pages()
+        return figure(
+            f"{_HERE}.animate:show_animated",
+            {"animated": f"{self.folder}/animated"},
+            {"names": list(pages)},
+            checks=[self._check_outfits],
+            default=False,
+        )._replace(output=pages)
+
+    def _animated_pages(self) -> dict[str, ReportFile]:
+        """A page for each outfit in motion."""
+        return {
+            plan["sample"]: ReportFile(
+                f"gcvae_animated_{plan['sample']}.html",
+                f"a sampled outfit in motion ({plan['sample']})",
+                "gcvae_animated",
+            )
+            for plan in self._animate().params["plans"]
         }
 
     def _tables(self, table: str, name: str, *, default: bool = True) -> Figure:
@@ -442,6 +576,11 @@ class _GcvaeTasks:
         report = f"{self.files.results}/report"
         return {
             "sample_garments": [f"{self.folder}/sampled"],
+            "compare_sampled": [f"{report}/gcvae_likeness.html"],
+            "animate_sampled": [
+                f"{self.folder}/animated",
+                *(f"{report}/{page.file}" for page in self._animated_pages().values()),
+            ],
             "gcvae_ablations": [self.files.metrics(_ABLATIONS), f"{report}/gcvae_ablations.html"],
         }
 

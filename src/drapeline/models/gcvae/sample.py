@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from drapeline.bodies.model import BodyModel, load_bodies, posed_vertices
 from drapeline.bodies.rest_body import signed_tightness
@@ -23,12 +24,14 @@ from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.generation.moving_sheets import SolverDraper, job_draper
-from drapeline.geometry.collision import resolve_penetration
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.collision import PenetrationResolver
+from drapeline.geometry.mesh import Mesh, boundary_edges, edge_graph, edges
 from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.geometry.smoothing import averaging_matrix, fairing, fill_dents
 from drapeline.job import Job
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
+from drapeline.metrics.likeness import cloth_measures
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
 from drapeline.models.gcvae.load import TrainingCodes, load_codec, load_training_codes
 from drapeline.models.training.module import BEST
@@ -41,6 +44,10 @@ from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 _SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
 
 _BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+
+# What mends a decoded garment: strength of `fairing`, and waves and passes of `fill_dents`.
+_FAIRING, _DENT_M, _DENT_PASSES = 50.0, 0.35, 3
+_HOLE_SHARE = 0.02  # of the body's vertices; a larger hole is meant
 
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
@@ -235,6 +242,9 @@ class SampledGarment:
     request: Request  # what was asked for
     garment: str  # its type
     z: np.ndarray  # (Z,) its code
+    # offsets, mask: (V, 3) metres and (V,) bool, as decoded.
+    offsets: np.ndarray
+    mask: np.ndarray
     decoded: Mesh  # the garment as decoded
     piece: Mesh  # its largest connected piece
     mesh: Mesh  # the piece, evened out and pushed out of the body if that was asked for
@@ -244,7 +254,7 @@ class SampledGarment:
     @property
     def kept_share(self) -> float:
         """Share of the decoded vertices that are in the largest piece; 0 if none were decoded."""
-        return len(self.piece.vertices) / max(len(self.decoded.vertices), 1)
+        return min(len(self.piece.vertices) / max(len(self.decoded.vertices), 1), 1.0)
 
     def is_sound(self, body_faces: np.ndarray) -> bool:
         """Whether nearly all of it is in one piece and hardly any of it deep in the body."""
@@ -288,16 +298,35 @@ def sample_garments(
     sampled = [latest[name] for name in requests]
     if not settle:
         return sampled
-    return [replace(s, mesh=push_out(model, s.piece, s.body)) for s in sampled]
+    return [replace(s, mesh=mend(model, s.piece, s.body)) for s in sampled]
 
 
-def push_out(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
-    """A decoded garment, evened out and pushed out of the body (V, 3) that it was decoded on."""
+def mend(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
+    """A decoded garment without what cannot be cloth, on the body (V, 3) that it was decoded on.
+
+    Decoded garments follow the body into the navel and between the legs, long hems are stacked
+    folds, and boundaries are jagged: what is narrower than a hand is smoothed, dents are spanned,
+    and what is in the body then is pushed out.
+    """
     if not len(piece.faces):
         return piece
-    body_faces = model.body_template.faces[TOPOLOGIES[0]]
-    (vertices,) = resolve_penetration(piece.vertices[None], piece.faces, body[None], body_faces)
-    return Mesh(vertices, piece.faces)
+    count = len(piece.vertices)
+    fair = fairing(piece.faces, count, _FAIRING)
+    points = fair(piece.vertices.astype(np.float64))
+    points = fair(fill_dents(points, piece.faces, _DENT_M, _DENT_PASSES))
+    average = averaging_matrix(piece.faces, count)
+    resolver = PenetrationResolver(body, model.body_template.faces[TOPOLOGIES[0]])
+    return Mesh(resolver.push_out(points.astype(np.float32), average), piece.faces)
+
+
+def fill_holes(mask: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """A mask (V,) without small holes: what is beyond a hem reaches to an end of the body."""
+    pairs = edges(faces)
+    links = edge_graph(pairs[~mask[pairs].any(axis=1)], len(mask))
+    _, piece = connected_components(links, directed=False)
+    size = np.bincount(piece)
+    size[piece[np.unique(boundary_edges(faces))]] = len(mask)
+    return mask | (size[piece] <= _HOLE_SHARE * len(mask))
 
 
 def _draw_once(
@@ -323,20 +352,31 @@ def _draw_once(
         requests.items(), codes, decoded, strict=True
     ):
         body = model.body_template.rest_body(request.cvar)
-        mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment), mask)
-        piece = largest_piece(mesh)
-        sampled.append(SampledGarment(name, request, garment, z, mesh, piece, piece, body, draws))
+        faces = model.body_template.faces_of(garment)
+        mesh = garment_mesh(body + offsets, faces, mask)
+        piece = largest_piece(garment_mesh(body + offsets, faces, fill_holes(mask, faces)))
+        sampled.append(
+            SampledGarment(
+                name, request, garment, z, offsets, mask, mesh, piece, piece, body, draws
+            )
+        )
     return sampled
 
 
 def sample_table(
-    sampled: Sequence[SampledGarment], body_faces: np.ndarray
+    sampled: Sequence[SampledGarment], body_faces: np.ndarray, hung: Mapping[str, Mesh]
 ) -> list[dict[str, str | float]]:
-    """A row per sample: what was asked for, what came of it, and measures before and after."""
+    """A row per sample: what was asked for, what came of it, and measures.
+
+    Those that end in `_before` are of the garment as decoded, the others of the mended one, and of
+    the one that has hung, by name in `hung`, where it has.
+    """
     rows: list[dict[str, str | float]] = []
     for sample in sampled:
         before = shape_measures(sample.decoded, sample.body, body_faces)
         after = shape_measures(sample.mesh, sample.body, body_faces)
+        looks = cloth_measures(hung.get(sample.name, sample.mesh))
+        crossed = cloth_measures(sample.decoded)["self_crossings"]
         rows.append(
             {
                 "name": sample.name,
@@ -352,6 +392,9 @@ def sample_table(
                 "inside_1cm_share": after["inside_1cm_share"],
                 "inside_share": after["inside_share"],
                 "inside_depth_mm": after["inside_depth_mm"],
+                "hung": int(sample.name in hung),
+                "self_crossings_before": crossed,
+                **looks,
                 "tightness_0": float(sample.request.tightness[0]),
                 "tightness_1": float(sample.request.tightness[1]),
             }
@@ -380,7 +423,7 @@ def save_samples(
     Returns:
         The rows of `samples.tsv`.
     """
-    rows = sample_table(sampled, body_faces)
+    rows = sample_table(sampled, body_faces, hung)
     with atomic_folder(folder) as scratch:
         (scratch / _HUNG).mkdir()
         for sample in sampled:
@@ -416,10 +459,14 @@ class SavedSample(NamedTuple):
     mesh: Mesh  # the garment; without faces if nothing was decoded
     hung: Mesh  # as it hangs on its wearer; the same where it does not
     cvar: np.ndarray  # (13,) conditions
+    z: np.ndarray  # (Z,) its code
 
 
 _HUNG = "hung"
-_ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}
+_ARRAYS = {
+    **{"name": "str n", "garment": "str n", "asked": "bool n"},
+    **{"cvar": "float n *", "z": "float n *"},
+}
 
 
 def load_samples(folder: str | Path) -> list[SavedSample]:
@@ -432,13 +479,13 @@ def load_samples(folder: str | Path) -> list[SavedSample]:
     about = load_npz(folder / "codes.npz", _ARRAYS)
     nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     samples = []
-    for name, garment, asked, cvar in zip(
-        *(about[key] for key in ("name", "garment", "asked", "cvar")), strict=True
+    for name, garment, asked, cvar, z in zip(
+        *(about[key] for key in ("name", "garment", "asked", "cvar", "z")), strict=True
     ):
         path, hanging = folder / f"{name}.obj", folder / _HUNG / f"{name}.obj"
         mesh = load_obj(path) if path.is_file() else nothing
         hung = load_obj(hanging) if hanging.is_file() else mesh
-        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, hung, cvar))
+        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, hung, cvar, z))
     return samples
 
 

@@ -3,8 +3,8 @@
 from typing import Annotated, Any, Literal
 
 from drapeline.models.training.settings import StepTraining, Trainer
-from drapeline.outfits.garment_types import GARMENTS
-from drapeline.settings import ConfigDict, Field, OneOf, Settings, SkipJsonSchema
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, SkipJsonSchema
 
 # Variant -> group -> setting -> value, which replace the experiment's settings of the full model.
 SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
@@ -52,6 +52,11 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
 
 # Masked probabilistic PCA, which the networks are compared with.
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
+
+
+# What moves sampled garments: a cloth solver, or the variant of a model of garments in motion.
+SOLVER = "solver"
+MOVERS = {"dvae": "dvae_unposed_4", "ppca": DYNAMIC_PPCA, SOLVER: None}
 
 
 def dynamic_conditions(variant: str) -> tuple[str, int]:
@@ -369,6 +374,32 @@ class Sampling(Settings):
     )
 
 
+class Animation(Settings):
+    """Sampled outfits that `snakemake animate_sampled` sets in motion."""
+
+    count: int = Field(3, ge=1, le=9999, description="Outfits to draw.")
+    types: tuple[Annotated[str, OneOf(OUTFIT_TYPES)], ...] | None = Field(
+        None,
+        min_length=1,
+        description="Outfits to take turns over; null takes those of the outfits at rest.",
+    )
+    movers: Annotated[tuple[Annotated[str, OneOf(tuple(MOVERS))], ...], EachOnce()] = Field(
+        tuple(MOVERS),
+        min_length=1,
+        description=(
+            "What moves them, each for a picture of its own: dvae, the network, and ppca, the "
+            "linear model, both without wrinkles of their own; solver, the fast cloth solver."
+        ),
+    )
+    clip: str | None = Field(
+        None,
+        description="Clip to put them on, one of the samples' in motion; null takes a test clip.",
+    )
+    frames: int = Field(
+        60, ge=2, le=300, description="Frames of the clip; fewer where it has no more."
+    )
+
+
 class GcvaeSettings(Settings):
     """The graph conditional variational auto-encoders of garments at rest (svae) and in motion
     (dvae).
@@ -383,3 +414,4 @@ class GcvaeSettings(Settings):
     trainer: Trainer = Trainer()
     evaluation: Evaluation = Evaluation()
     sampling: Sampling = Sampling()
+    animation: Animation = Animation()

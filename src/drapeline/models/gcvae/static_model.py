@@ -7,18 +7,24 @@ code, V vertices of the body that garments are offsets from (no head, hands or f
 
 from collections.abc import Sequence
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
 
+from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
+from drapeline.experiment.cloth_solvers import QUICK_SOLVER
 from drapeline.frames import GENDERS
+from drapeline.generation.moving_outfits import SimulatedOutfit, put_on, simulate, wearer
+from drapeline.generation.moving_sheets import WORN, SolverDraper, make_draper
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh, largest_piece
 from drapeline.models.gcvae.codec import Codes, GarmentCodec
 from drapeline.models.gcvae.load import TOPOLOGY, load_codec
+from drapeline.models.gcvae.movers import WornSheet, hang_at_rest, load_mover, move_by_model
 from drapeline.models.gcvae.ppca import StaticPpca
 from drapeline.models.gcvae.sample import (
     PRIOR,
@@ -26,15 +32,18 @@ from drapeline.models.gcvae.sample import (
     decode_by_type,
     draw_requests,
     load_types,
-    push_out,
+    mend,
     sample_garments,
 )
+from drapeline.models.gcvae.settings import SOLVER
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.module import BEST
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.motions.motion import Motion
+from drapeline.outfits.garment_types import GARMENTS, layered
 from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.topology import TOPOLOGIES, load_topology, topology_codes
 
+_EDGE_LENGTH_M = 0.02  # of cloth that hangs, at least
 # Where the default config draws bodies and outfits from.
 SHAPE_RANGE, TIGHTNESS_RANGE = 3.0, (-1.5, 0.5)
 
@@ -219,9 +228,61 @@ class StaticModel:
             faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
-                mesh = push_out(self._codec, largest_piece(mesh), body)
+                mesh = mend(self._codec, largest_piece(mesh), body)
             made.append(self._garment(request, decoded.garment, mesh, code))
         return made
+
+    def animate(
+        self,
+        garments: Sequence[RestGarment],
+        motion: Motion,
+        body: BodyModel | str | Path | None = None,
+        *,
+        mover: str | Path = SOLVER,
+        settle: bool = True,
+        hang_frames: int = 12,
+    ) -> SimulatedOutfit:
+        """Garments of one wearer on a motion.
+
+        Args:
+            garments: one or several of different types, in any order, for the same wearer.
+            motion: as `import_motion` gives it; one of another rate is resampled to 30 frames per
+                second.
+            body: the whole body that the model's garments are made for, in SMPL's format, or its
+                file; the free one of the gender if None.
+            mover: "solver", the fast cloth solver; or the folder of a model of garments in motion
+                that was trained with this one's codes, such as `results/gcvae/dynamic_ppca` or
+                `results/gcvae/dvae_unposed_4`, which moves them without wrinkles of their own.
+            settle: whether what a model has moved is then smoothed and pushed out of the body and
+                of what is worn beneath, which the paper does not do.
+            hang_frames: for which garments hang at rest before a model moves them.
+
+        Returns:
+            The wearer and every garment, frame by frame, which `save_outfit` writes to files.
+
+        Raises:
+            InputError: garments are of different wearers or of the same type, or one is empty; the
+                mover is no such model; the body overlaps itself in the motion; or the simulation
+                is out of bounds.
+        """
+        model = None if mover == SOLVER else load_mover(mover)
+        first, worn = _same_wearer(garments), {one.garment: one.mesh for one in garments}
+        worn = {name: worn[name] for name in layered(worn)}
+        if model is None:
+            return simulate(
+                worn, motion, body, gender=first.gender, shape=first.shape, bounds=WORN.plain()
+            )
+        wearing = wearer(body, first.gender)
+        record = put_on(wearing, motion, first.gender, first.shape, [*worn], made_for_it=True)
+        hung = hang_at_rest(worn, wearing, first.gender, first.shape, _draper(hang_frames))
+        cvar = Request(PRIOR, first.gender, first.shape, first.tightness).cvar
+        rest = self._codec.body_template.rest_body(cvar).astype(np.float64)
+        sheets = {}
+        for name, mesh in worn.items():
+            done = self._registrar.register(name, mesh.vertices, mesh.faces, rest)
+            sheets[name] = WornSheet(hung[name].posed, done.offsets, done.match.mask)
+        moved = move_by_model(model, self._codec, sheets, cvar, wearing, record, settle=settle)
+        return SimulatedOutfit.of(moved, wearing, record)
 
     @cached_property
     def _registrar(self) -> Registrar:
@@ -231,6 +292,33 @@ class StaticModel:
         template = self._codec.body_template
         body = Mesh(template.rest_body(request.cvar), template.faces[TOPOLOGIES[0]])
         return RestGarment(garment, mesh, body, request.gender, request.shape, request.tightness, z)
+
+
+def _same_wearer(garments: Sequence[RestGarment]) -> RestGarment:
+    """The first garment, if all are worn together.
+
+    Raises:
+        InputError: they cannot be.
+    """
+    if not garments:
+        raise InputError("garments: none, expected one or more")
+    first, names = garments[0], [one.garment for one in garments]
+    for one in garments:
+        if not len(one.mesh.faces):
+            raise InputError(f"garments: the {one.garment} has no faces, expected cloth")
+        if one.gender != first.gender or not np.allclose(one.shape, first.shape):
+            raise InputError(
+                f"garments: the {one.garment} is made for another body than the {first.garment},"
+                " expected garments of one wearer"
+            )
+    if len(set(names)) < len(names):
+        raise InputError(f"garments: {', '.join(names)}, expected each type once")
+    return first
+
+
+def _draper(frames: int) -> SolverDraper | None:
+    solver = import_module(QUICK_SOLVER.code).cloth_solver(1)
+    return make_draper(solver, frames, edge_length_m=_EDGE_LENGTH_M, simulation={})
 
 
 def _conditions(

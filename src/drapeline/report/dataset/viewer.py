@@ -1,10 +1,12 @@
-"""A sample as one HTML page to turn and play, which needs neither a network nor libraries."""
+"""Samples as one HTML page to turn and play, which needs neither a network nor libraries."""
 
 import base64
 import io
 import json
 import zlib
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -16,11 +18,13 @@ from PIL import Image
 
 from drapeline.dataset.pictures import halved_picture
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import SPLITS, read_meta
+from drapeline.dataset.record import SPLITS
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
+from drapeline.frames import FPS
 from drapeline.geometry.mesh import split_at_seams
+from drapeline.outfits.garment_types import BODY
 from drapeline.storage import atomic_file
 
 FRAMES_MAX = 60
@@ -31,6 +35,7 @@ STEPS_M = (0.0002, 0.0005, 0.001)  # what vertices are rounded to
 _LEVELS = 2**16 - 1
 _PAGE_BYTES = 25_000  # without its meshes
 _PRINT_COLOURS = 24
+_APART_M = 0.15  # between people side by side
 
 
 def example_sample(dataset: str | Path) -> Path | None:
@@ -57,27 +62,87 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
     """
     if folder is None:
         return _write(path, {"title": "No sample was accepted", "lines": []}, b"")
-    meta = read_meta(folder)
-    if meta["status"] != "accepted":
-        title = f"Sample {meta['id']} was {meta['status']}"
-        return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
     with Sample(folder) as sample:
-        parts = scene_parts(sample)
-        prints = {part.name: _data_url(part.texture) for part in parts if part.texture is not None}
-        left = bytes_max - _PAGE_BYTES - sum(map(len, prints.values()))
-        strides = range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1)
-        for stride, step in product(strides, STEPS_M):
-            frames = range(0, len(sample), stride)
-            header, blob = encode_parts(parts, frames, step, prints)
-            if 4 / 3 * len(blob) < left:
-                break
-        header |= {
-            "title": f"Sample {sample.id}",
-            "lines": _about(meta),
-            "fps": sample.fps / stride,
-            "stride": stride,
-        }
+        meta = sample.meta  # none of what was not simulated, such as a reconstruction
+        if meta is not None and meta["status"] != "accepted":
+            title = f"Sample {meta['id']} was {meta['status']}"
+            return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
+        lines = [", ".join(sample.garments)] if meta is None else _about(meta)
+        header, blob = _encode_within(scene_parts(sample), bytes_max)
+        header |= {"title": f"Sample {sample.id}", "lines": lines}
     return _write(path, header, blob)
+
+
+def write_side_by_side(
+    path: str | Path,
+    folders: Mapping[str, str | Path],
+    title: str,
+    lines: Sequence[str],
+    *,
+    bytes_max: int = REPORT_BYTES_MAX,
+) -> int:
+    """Write one page of several samples of the same person in the same motion.
+
+    Args:
+        folders: what is said of each sample -> its folder, from left to right; a page without any
+            has its words alone.
+        title, lines: of the page.
+        bytes_max: see `write_viewer`.
+
+    Returns:
+        Size of the page in bytes.
+
+    Raises:
+        InputError: a sample is damaged, or has another number of frames than the first.
+    """
+    if not folders:
+        return _write(path, {"title": title, "lines": [*lines]}, b"")
+    with ExitStack() as opened:
+        samples = {name: opened.enter_context(Sample(one)) for name, one in folders.items()}
+        scenes = {name: scene_parts(sample) for name, sample in samples.items()}
+        counts = {name: len(sample) for name, sample in samples.items()}
+        if len(set(counts.values())) > 1:
+            told = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise InputError(f"{path}: samples of {told} frames, expected equally many")
+        space = _space_m([part for parts in scenes.values() for part in parts])
+        middle = (len(scenes) - 1) / 2
+        places = {name: (float(k - middle) * space, 0.0) for k, name in enumerate(scenes)}
+        parts, stands = [], []
+        for name, scene in scenes.items():
+            for part in scene:
+                if part.name != BODY:
+                    parts.append(replace(part, name=f"{part.name} ({name})"))
+                    stands.append([places[name]])
+                elif BODY not in (one.name for one in parts):  # the same in all of them
+                    parts.append(part)
+                    stands.append([*places.values()])
+        header, blob = _encode_within(parts, bytes_max, stands)
+    labels = [{"text": name, "at": place} for name, place in places.items()]
+    return _write(path, header | {"title": title, "lines": [*lines], "labels": labels}, blob)
+
+
+def _space_m(parts: Sequence[ScenePart]) -> float:
+    """Metres between people who stand in a row, so that they keep apart wherever they move."""
+    widths = [np.ptp(points[:, 0]) for part in parts for points in part.read(0, part.frame_count)]
+    return float(max(widths)) + _APART_M
+
+
+def _encode_within(
+    parts: Sequence[ScenePart],
+    bytes_max: int,
+    places: Sequence[Sequence[tuple[float, float]]] | None = None,
+) -> tuple[dict[str, Any], bytes]:
+    """`encode_parts` of as many frames, rounded as finely, as a page of a size can hold."""
+    prints = {part.name: _data_url(part.texture) for part in parts if part.texture is not None}
+    left, count = bytes_max - _PAGE_BYTES - sum(map(len, prints.values())), parts[0].frame_count
+    strides = range(max(1, -(-count // FRAMES_MAX)), count + 1)
+    for stride, step in product(strides, STEPS_M):
+        header, blob = encode_parts(parts, range(0, count, stride), step, prints)
+        if 4 / 3 * len(blob) < left:
+            break
+    for one, at in zip(header["parts"], places or [], strict=bool(places)):
+        one["at"] = at
+    return header | {"fps": FPS / stride, "stride": stride}, blob
 
 
 def encode_parts(

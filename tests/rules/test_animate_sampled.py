@@ -1,0 +1,246 @@
+"""The rule that sets sampled outfits in motion, on a toy body."""
+
+import csv
+import json
+import re
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+import drapeline
+from drapeline.bodies.animation import make_body_sequence
+from drapeline.bodies.model import save_body
+from drapeline.dataset.moving_meshes import read_moving_meshes
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.scene_part import to_y_up
+from drapeline.errors import InputError
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.generation.settings import BodySettings
+from drapeline.geometry.crossings import Crossings
+from drapeline.geometry.mesh import edges
+from drapeline.geometry.moving_surface import MovingSheet
+from drapeline.models.gcvae.animate import draw_outfit
+from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.movers import WornSheet, load_mover, move_by_model
+from drapeline.models.gcvae.ppca import DynamicPpca, save_fit
+from drapeline.models.gcvae.sample import load_types
+from drapeline.models.gcvae.settings import PpcaSettings
+from drapeline.models.training.module import BEST
+from drapeline.motions.motion import Motion, save_motion
+from drapeline.simulation.settings import SimulationSettings
+from toys.gcvae_stages import train_static, write_stages
+
+FRAMES, OUTFITS, MOVERS = 4, ("Tshirt+Trousers", "Dress"), ("ppca", "solver")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("animated")
+
+
+@pytest.fixture(scope="module")
+def given(run_rule, folder, toy_body):
+    """What the rule reads: bodies, a motion, a fitted model, and one that knows no change."""
+    static = train_static(run_rule, write_stages(folder, toy_body), folder, "static_ppca")
+    template = load_codec(static / BEST).body_template
+    conditions = np.ones(13 + 4 * 72 + 6, dtype=np.float32)
+    still = replace(
+        template,
+        offset_mean=0 * template.offset_mean,
+        cvar_mean=0 * conditions,
+        cvar_std=conditions,
+    )
+    save_fit(folder / "ppca", DynamicPpca(PpcaSettings(latent=6), still))
+    for gender in GENDERS:
+        save_body(folder / f"whole_{gender}.npz", toy_body)
+    poses = np.tile(REST_POSE, (FRAMES, 1))
+    save_motion(
+        folder / "clip.npz", Motion(poses, np.zeros((FRAMES, 3)), 30.0, "", "", "", "stand")
+    )
+    return {
+        **{gender: folder / f"whole_{gender}.npz" for gender in GENDERS},
+        "model": static,
+        "static": static,
+        "motion": folder / "clip.npz",
+        "ppca": folder / "ppca",
+    }
+
+
+@pytest.fixture(scope="module")
+def animated(run_rule, folder, given):
+    plan = {"gender": "female", "sequence": "stand", "start": 0, "stop": FRAMES}
+    run_rule(
+        "drapeline.models.gcvae.animate:animate_outfits",
+        input=given,
+        output=[folder / "animated"],
+        params={
+            "seed": 0,
+            "plans": [
+                {**plan, "sample": f"drawn{k}", "outfit_type": kind}
+                for k, kind in enumerate(OUTFITS)
+            ],
+            "bodies": BodySettings(bmi_range=None, shape_range=0.0).plain(),
+            "tightness": [0.0, 0.0],
+            "tightness_range": [-1.5, 0.5],
+            "movers": list(MOVERS),
+            "settle": True,
+            "hang_frames": 2,
+            "solver": "drapeline.xpbd.solver",
+            "hanging": {
+                "edge_length_m": 0.04,
+                "simulation": SimulationSettings(steps_min=6, steps_max=6).plain(),
+            },
+        },
+    )
+    return folder / "animated"
+
+
+def test_every_mover_moves_the_same_garments(animated):
+    with open(animated / "outfits.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    told = [(row["name"], row["mover"], row["outfit"]) for row in rows]
+    assert told == [
+        (f"drawn{k}", mover, kind) for k, kind in enumerate(OUTFITS) for mover in MOVERS
+    ]
+    for row in rows:
+        folder = animated / f"{row['name']}_{row['mover']}"
+        with Sample(folder) as sample, Sample(animated / f"{row['name']}_ppca") as other:
+            assert set(sample.garments) == set(row["outfit"].split("+"))
+            assert len(sample) == FRAMES
+            for name in sample.garments:
+                assert sample.mesh(name).faces.tolist() == other.mesh(name).faces.tolist()
+                assert np.isfinite(sample.vertices(name)).all()
+
+
+def test_files_are_read_back(animated):
+    with ExitStack() as opened, Sample(animated / "drawn0_solver") as sample:
+        parts = read_moving_meshes(animated / "drawn0_solver.glb", opened)
+        assert {part.name for part in parts} == {"Body", "Tshirt", "Trousers"}
+        for part in parts:
+            if part.name != "Body":
+                for points, cloth in zip(part.frames(), sample.vertices(part.name), strict=True):
+                    assert KDTree(points).query(to_y_up(cloth))[0].max() < 1e-3
+
+
+def test_a_page_has_all_movers_side_by_side(run_rule, animated, tmp_path):
+    pages = {f"drawn{k}": tmp_path / f"{k}.html" for k in range(2)}
+    run_rule(
+        "drapeline.models.gcvae.animate:show_animated",
+        input={"animated": animated},
+        output=pages,
+        params={"names": list(pages)},
+    )
+    for name, kind in zip(pages, OUTFITS, strict=True):
+        text = pages[name].read_text()
+        header = json.loads(re.search(r'id="header">(.*?)</script>', text, re.DOTALL)[1])
+        assert [label["text"] for label in header["labels"]] == list(MOVERS)
+        body, *garments = header["parts"]
+        assert (body["name"], len(body["at"])) == ("Body", 2)
+        told = {f"{garment} ({mover})" for garment in kind.split("+") for mover in MOVERS}
+        assert {part["name"] for part in garments} == told
+        assert header["frames"] == FRAMES
+
+
+@pytest.fixture(scope="module")
+def outfit(given):
+    """A model, and sampled garments of one wearer."""
+    model = drapeline.load(given["static"])
+    wearer = {"gender": "female", "shape": np.zeros(10), "tightness": [0.0, 0.0]}
+    return model, [*model.sample(1, "Tshirt", **wearer), *model.sample(1, "Trousers", **wearer)]
+
+
+@pytest.fixture(scope="module")
+def still(given):
+    return drapeline.import_motion(given["motion"])
+
+
+@pytest.fixture(scope="module")
+def moved(outfit, still, given, toy_body):
+    model, garments = outfit
+    return model.animate(
+        garments, still, toy_body, mover=given["ppca"], settle=False, hang_frames=2
+    )
+
+
+def test_in_a_still_pose_no_change_is_what_hangs(given, toy_body):
+    static, types = load_codec(given["static"] / BEST), load_types(given["static"])
+    plan = SamplePlan("drawn1", "female", "Tshirt+Trousers")
+    none = np.zeros(2)
+    drawn = draw_outfit(static, types, plan, np.zeros(10), 0, none, none, settle=True)
+    assert list(drawn) == ["Trousers", "Tshirt"]  # from the innermost to the outermost
+    worn = {name: WornSheet(one.mesh, one.offsets, one.mask) for name, one in drawn.items()}
+    poses = np.tile(REST_POSE, (FRAMES, 1))
+    record = make_body_sequence(
+        toy_body, np.zeros(10), poses, np.zeros((FRAMES, 3)), gender="female"
+    )
+    cvar = drawn["Tshirt"].request.cvar
+    model = load_mover(given["ppca"])
+    moved = move_by_model(model, static, worn, cvar, toy_body, record, settle=False)
+    for name, sheet in moved.items():
+        assert len(sheet.frames) == FRAMES
+        for frame in sheet.frames:
+            np.testing.assert_allclose(frame.vertices, drawn[name].mesh.vertices, atol=1e-5)
+    bent = replace(record, poses=poses + 0.2)
+    again = move_by_model(model, static, worn, cvar, toy_body, bent, settle=False)
+    assert np.abs(again["Tshirt"].frames[0].vertices - drawn["Tshirt"].mesh.vertices).max() > 0.05
+
+
+@pytest.mark.parametrize("mover", ["ppca", "solver"])
+def test_layers_keep_their_order(outfit, still, given, toy_body, mover):
+    model, garments = outfit
+    worn = model.animate(garments, still, toy_body, mover=given.get(mover, mover))
+    inner, outer = (
+        [frame.vertices for frame in worn.garments[name].frames] for name in ("Trousers", "Tshirt")
+    )
+    faces = [worn.garments[name].rest.faces for name in ("Trousers", "Tshirt")]
+    _, across = Crossings([inner[-1], outer[-1]], faces).find([inner[-1], outer[-1]])
+    assert across.max() <= 0.02 * len(edges(faces[1]))
+    sheet = MovingSheet(inner[-1], faces[0])
+    assert sheet.beneath(outer[-1], 0.03).mean() < 0.05
+
+
+def test_what_was_moved_is_written_and_read_back(moved, tmp_path):
+    for name in ("walk.glb", "walk.html", "sample"):
+        drapeline.save_outfit(tmp_path / name, moved)
+    drapeline.save_outfit(tmp_path / "objs", moved, folder_format="obj")
+    assert (tmp_path / "walk.html").stat().st_size > 10_000
+    with drapeline.Sample(tmp_path / "sample") as sample:
+        assert sample.garments == ("Trousers", "Tshirt")
+        for name, sheet in moved.garments.items():
+            expected = np.stack([one.vertices for one in sheet.frames])
+            np.testing.assert_allclose(sample.vertices(name, frame="root"), expected, atol=1e-6)
+        expected = np.stack([one.vertices for one in moved.body]) + moved.trans[:, None]
+        np.testing.assert_allclose(sample.body_vertices(), expected, atol=2e-3)
+    with ExitStack() as opened:
+        for file in ("walk.glb", "objs"):
+            names = {part.name for part in read_moving_meshes(tmp_path / file, opened)}
+            assert names == {"Body", "Tshirt", "Trousers"}
+    with pytest.raises(InputError, match=r"'\.vox' is unknown, expected \.glb"):
+        drapeline.save_outfit(tmp_path / "walk.vox", moved)
+    with pytest.raises(InputError, match="folder_format: 'fbx', expected one of cloth3d"):
+        drapeline.save_outfit(tmp_path / "walk", moved, folder_format="fbx")
+
+
+def test_movers_that_cannot_be_used_are_refused_before_anything_moves(outfit, still, given):
+    model, garments = outfit
+    with pytest.raises(InputError, match="missing: no trained model, expected a folder such as"):
+        model.animate(garments, still, mover=given["static"].parent / "missing")
+    with pytest.raises(InputError, match="of garments at rest, expected one of garments in motion"):
+        model.animate(garments, still, mover=given["static"])
+
+
+def test_garments_that_nobody_wears_together_are_refused(outfit, still):
+    model, (shirt, trousers) = outfit
+    empty = shirt._replace(mesh=drapeline.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)))
+    for garments, sentence in (
+        ([], "garments: none, expected one or more"),
+        ([shirt, shirt], "garments: Tshirt, Tshirt, expected each type once"),
+        ([shirt, trousers._replace(gender="male")], "the Trousers is made for another body"),
+        ([empty], "the Tshirt has no faces, expected cloth"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            model.animate(garments, still)
