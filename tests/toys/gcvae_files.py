@@ -50,7 +50,6 @@ class TypedGarments(ToyGarments):
 def save_static_data(folder: Path) -> TypedGarments:
     """What the rule `collect_static` leaves, of the toy garments."""
     garments = TypedGarments()
-    train = garments.rows("train")
     folder.mkdir(parents=True)
     np.save(folder / "offsets.npy", garments.offsets)
     np.save(folder / "mask.npy", garments.mask)
@@ -59,8 +58,6 @@ def save_static_data(folder: Path) -> TypedGarments:
     save_npz(folder / "rows.npz", **rows, gender=gender_codes(garments.gender))
     save_npz(
         folder / "statistics.npz",
-        mean=garments.offsets[train].mean(0),
-        std=garments.offsets[train].std(0) + 5e-3,
         body_mean=tube().astype(np.float32),
         body_std=np.full(tube().shape, 0.02, dtype=np.float32),
     )
@@ -100,8 +97,8 @@ def template_on_body(body: BodyModel, cvar: int) -> BodyTemplate:
         edges=dict.fromkeys(TOPOLOGIES, links),
         parents=dict.fromkeys(TOPOLOGIES, parents),
         faces=dict.fromkeys(TOPOLOGIES, body.faces),
-        offset_mean=0 * one,
-        offset_std=0.01 * one,
+        offset_mean=np.stack([0 * one] * len(TOPOLOGIES)),
+        offset_std=np.stack([0.01 * one] * len(TOPOLOGIES)),
         base_mean=rest,
         base_std=one,
         body_mean=rest,

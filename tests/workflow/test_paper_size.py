@@ -12,7 +12,11 @@ from toys.schema import SCHEMA
 _NETWORK = {
     **{"widths": [16, 32, 64, 64, 128, 128], "latent": 128, "order": 1},
     **dict.fromkeys(
-        ("linear_path", "masked_input", "places", "vertex_output", "standardise"), False
+        (
+            *("linear_path", "topology_moments", "masked_input"),
+            *("places", "vertex_output", "standardise"),
+        ),
+        False,
     ),
 }
 _TRAINING = {"learning_rate": 0.001, "schedule": "constant"}

@@ -9,7 +9,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, gender_codes, gender_names
-from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
+from drapeline.learning_data.vertex_moments import body_statistics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
@@ -29,7 +29,7 @@ _OFFSETS = {"offsets": "float n v 3", "mask": "bool n v"}
 def collect_static(
     output: str | Path, shards: Sequence[str | Path], bodies: dict[str, BodyModel]
 ) -> int:
-    """Join registered shards into one folder with statistics of the training rows.
+    """Join registered shards into one folder with statistics of the training rows' bodies.
 
     Args:
         output: folder, replaced as a whole.
@@ -70,13 +70,9 @@ def collect_static(
                         " register it anew"
                     )
             files.append(**part)
-        offsets, mask = files.arrays["offsets"], files.arrays["mask"]
-        mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
         files.flush()
         save_npz(scratch / "rows.npz", **rows)
-        save_npz(
-            scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std
-        )
+        save_npz(scratch / "statistics.npz", body_mean=body_mean, body_std=body_std)
     return len(rows["split"])
 
 
@@ -97,7 +93,6 @@ class StaticData:
         tightness: (N, 2) float32, with the gender's sign.
         garment: (N,) int8, index into `GARMENTS`.
         outfit, split: (N,) str.
-        mean, std: (V, 3) float32 of the offsets, over training rows where masked.
         body_mean, body_std: (V, 3) float32 of the rest bodies, over training rows.
     """
 
@@ -111,14 +106,13 @@ class StaticData:
         rows = load_npz(self.folder / "rows.npz", _ROWS)
         statistics = load_npz(
             self.folder / "statistics.npz",
-            dict.fromkeys(("mean", "std", "body_mean", "body_std"), "float v 3"),
+            dict.fromkeys(("body_mean", "body_std"), "float v 3"),
         )
         self.shape, self.tightness = rows["shape"], rows["tightness"]
         self.gender = gender_names(rows["gender"])
         self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
-        self.mean, self.std = statistics["mean"], statistics["std"]
         self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]
-        arrays = open_arrays(self.folder, _OFFSETS, n=len(self), v=len(self.mean))
+        arrays = open_arrays(self.folder, _OFFSETS, n=len(self), v=len(self.body_mean))
         self.offsets, self.mask = arrays["offsets"], arrays["mask"]
 
     def __len__(self) -> int:

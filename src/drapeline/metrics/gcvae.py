@@ -22,6 +22,7 @@ VARIANTS = {
         "svae_no_cvar": Variant("Garment VAE without regressing conditional variables"),
         "svae_uniform_pooling": Variant("Garment VAE with default pooling"),
         "svae_no_linear_path": Variant("Garment VAE of graph convolutions alone"),
+        "svae_shared_moments": Variant("Garment VAE with one mean and deviation for all garments"),
         "svae_unmasked_input": Variant("Garment VAE whose encoder is not shown the mask"),
         "svae_no_places": Variant("Garment VAE whose levels are not told where nodes are"),
         "svae_shared_output": Variant("Garment VAE with a graph convolution as its last layer"),

@@ -63,7 +63,7 @@ def _folds_mm(mesh: Mesh) -> list[float]:
         normals = vertex_normals(blurred[k + 1], triangles)
         height = np.einsum("vi,vi->v", blurred[k] - blurred[k + 1], normals)
         height = height - blurs[k + 2](height)
-        weight = area * (away > min(2 * scale, 0.5 * float(away.max())))
+        weight = area * (away >= min(2 * scale, 0.5 * float(away.max())))
         out.append(1e3 * float(np.sqrt(np.average(height**2, weights=weight))))
     return out
 

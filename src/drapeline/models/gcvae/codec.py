@@ -87,8 +87,8 @@ class GarmentCodec(torch.nn.Module, ABC, Generic[Part]):
         """Seed of whatever is drawn."""
 
     @abstractmethod
-    def part(self, batch: Batch, rows: torch.Tensor) -> Part:
-        """The samples of a batch in rows of one topology."""
+    def part(self, name: str, batch: Batch, rows: torch.Tensor) -> Part:
+        """The samples of a batch in rows of topology `name`."""
 
     @abstractmethod
     def encode_parts(self, parts: Mapping[str, Part]) -> Code:
@@ -105,7 +105,7 @@ class GarmentCodec(torch.nn.Module, ABC, Generic[Part]):
     def parts(self, batch: Batch) -> dict[str, Part]:
         """The batch by topology; a topology without samples is left out."""
         rows = rows_by_topology(batch["topology"])
-        return {name: self.part(batch, some) for name, some in rows.items()}
+        return {name: self.part(name, batch, some) for name, some in rows.items()}
 
     @torch.no_grad()
     def encode(self, batch: Batch) -> Code:
@@ -133,18 +133,26 @@ class GarmentCodec(torch.nn.Module, ABC, Generic[Part]):
         order = torch.cat(list(rows.values()))
         counts = {name: len(part) for name, part in rows.items()}
         parts = self.decode_parts(z[order], cvar[order], counts)
-        out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
-        offsets = self.to_metres(out[:, :3]).permute(2, 0, 1)
-        return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
+        back = torch.argsort(order)
+        metres = [self.to_metres(part[:, :3], name) for name, part in parts.items()]
+        offsets = torch.cat(metres, 2)[..., back].permute(2, 0, 1)
+        logit = torch.cat([part[:, 3:] for part in parts.values()], 2)[..., back]
+        return offsets, torch.sigmoid(logit[:, 0]).T if logit.shape[1] else None
 
-    def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
-        """(V, 3, B) metres -> deviations, per vertex, from the mean of `name`, such as "offset"."""
-        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
-        return (x - mean[..., None]) / std[..., None]
+    def normalise_offsets(self, offsets: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> deviations, per vertex, from what is usual for topology `name`."""
+        mean, std = self.offset_moments(name)
+        return (offsets - mean) / std
 
-    def to_metres(self, normalised: torch.Tensor) -> torch.Tensor:
-        """(V, 3, B) normalised offsets -> metres."""
-        return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
+    def to_metres(self, normalised: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) normalised offsets of topology `name` -> metres."""
+        mean, std = self.offset_moments(name)
+        return normalised * std + mean
+
+    def offset_moments(self, name: str) -> tuple[torch.Tensor, torch.Tensor]:
+        """Mean and deviation (V, 3, 1) of the offsets of topology `name`, metres."""
+        code = TOPOLOGIES.index(name)
+        return self.offset_mean[code, ..., None], self.offset_std[code, ..., None]
 
     def checkpoint_metadata(self) -> dict[str, Any]:
         """Everything needed to build it again, as plain values and tensors."""

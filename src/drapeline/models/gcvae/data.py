@@ -1,6 +1,6 @@
 """Garments as the models take them, and the body template that networks are built on."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Protocol
 
@@ -29,7 +29,7 @@ class BodyTemplate:
     edges: Mapping[str, list[np.ndarray]]  # topology -> (E_l, 2) of each level
     parents: Mapping[str, list[np.ndarray]]  # topology -> (n_l,) of each level but the last
     faces: Mapping[str, np.ndarray]  # topology -> (F, 3)
-    # offset_mean, offset_std: (V, 3) metres.
+    # offset_mean, offset_std: (T, V, 3) metres, of each of `TOPOLOGIES`.
     offset_mean: np.ndarray
     offset_std: np.ndarray
     # base_mean, base_std: (V, 3) metres, of what offsets are added to.
@@ -93,7 +93,8 @@ class BodyTemplate:
 _BY_TOPOLOGY = ("edges", "parents", "faces")
 
 _STATISTICS = {
-    **dict.fromkeys(("offset_mean", "offset_std", "base_mean", "base_std"), "float v 3"),
+    **dict.fromkeys(("offset_mean", "offset_std"), f"float {len(TOPOLOGIES)} v 3"),
+    **dict.fromkeys(("base_mean", "base_std"), "float v 3"),
     **dict.fromkeys(("body_mean", "body_std"), "float v 3"),
     "body_basis": f"float {2 * (SHAPES + 1)} v 3",
     **dict.fromkeys(("cvar_mean", "cvar_std"), "float c"),
@@ -224,8 +225,40 @@ class DynamicGarments:
         }
 
 
+def offset_moments(
+    read: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    rows: np.ndarray,
+    topology: np.ndarray,
+    *,
+    of_each: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and deviation (T, V, 3) of the offsets of rows, where there is a garment.
+
+    Where trousers have legs skirts have cloth that is nowhere near, so what is usual for all
+    garments together is usual for neither.
+
+    Args:
+        read: row -> offsets (V, 3) in metres and mask (V,).
+        rows: (n,) to read.
+        topology: (n,) codes of `TOPOLOGIES`.
+        of_each: whether a topology has its own; one without rows has those of all, as all have
+            otherwise.
+    """
+    codes = range(len(TOPOLOGIES))
+    own = [rows[topology == code] if of_each else rows[:0] for code in codes]
+    shared = None if all(map(len, own)) else offset_statistics(map(read, rows))
+    parts = [offset_statistics(map(read, part)) if len(part) else shared for part in own]
+    mean, std = (np.stack(moment) for moment in zip(*filter(None, parts), strict=True))
+    return mean, std
+
+
 def static_body_template(
-    data: StaticData, topology: Topology, hierarchy: Hierarchy, bodies: Mapping[str, BodyModel]
+    data: StaticData,
+    topology: Topology,
+    hierarchy: Hierarchy,
+    bodies: Mapping[str, BodyModel],
+    *,
+    of_each: bool = True,
 ) -> BodyTemplate:
     """Statistics of the training rows; offsets are added to the rest body.
 
@@ -233,14 +266,19 @@ def static_body_template(
         data: registered garments in rest pose.
         topology, hierarchy: of the super-resolved bodies.
         bodies: super-resolved, by gender.
+        of_each: see `offset_moments`.
     """
-    cvar_mean, cvar_std = cvar_statistics(data.cvar(data.rows("train")))
+    rows = data.rows("train")
+    cvar_mean, cvar_std = cvar_statistics(data.cvar(rows))
+    offset_mean, offset_std = offset_moments(
+        lambda row: (data.offsets[row], data.mask[row]), rows, data.topology(rows), of_each=of_each
+    )
     return BodyTemplate(
         edges=hierarchy.edges,
         parents=hierarchy.parents,
         faces={"body": topology.faces, "skirt": topology.skirt_faces},
-        offset_mean=data.mean,
-        offset_std=data.std,
+        offset_mean=offset_mean,
+        offset_std=offset_std,
         base_mean=data.body_mean,
         base_std=data.body_std,
         body_mean=data.body_mean,
@@ -256,6 +294,8 @@ def dynamic_body_template(
     topology: Topology,
     hierarchy: Hierarchy,
     bodies: Mapping[str, BodyModel],
+    *,
+    of_each: bool = True,
 ) -> BodyTemplate:
     """Statistics of the training frames, and of the rest bodies of their samples.
 
@@ -263,11 +303,15 @@ def dynamic_body_template(
         garments: frames with their conditions.
         topology, hierarchy: of the super-resolved bodies.
         bodies: super-resolved, by gender.
+        of_each: see `offset_moments`.
     """
     data, rows = garments.data, garments.rows("train")
     cvar_mean, cvar_std = cvar_statistics(garments.cvar(rows))
-    offset_mean, offset_std = offset_statistics(
-        (data.offsets[row], data.mask[data.garment_index[row]]) for row in rows
+    offset_mean, offset_std = offset_moments(
+        lambda row: (data.offsets[row], data.mask[data.garment_index[row]]),
+        rows,
+        garments.topology(rows),
+        of_each=of_each,
     )
     base_mean, base_std = body_statistics(data.base[row] for row in rows)
     basis = rest_basis(bodies)

@@ -297,7 +297,7 @@ class Gcvae(nn.Module):
         nodes = graphs[TOPOLOGIES[0]].counts[-1]
         places = PLACES if size.places else 0
         self.standardise = size.standardise
-        vertices = len(body_template.offset_mean)
+        vertices = len(body_template.body_mean)
         self.encoder = Encoder(inputs, garment, vertices, nodes, places, size, rng)
         self.decoder = Decoder(3 + mask, vertices, nodes, places, size, rng)
 

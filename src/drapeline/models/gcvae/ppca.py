@@ -254,7 +254,7 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
 
     def __init__(self, settings: PpcaSettings, body_template: BodyTemplate) -> None:
         super().__init__(settings, body_template)
-        vertices = len(body_template.offset_mean)
+        vertices = len(body_template.body_mean)
         count = min(self.constants.vertices_max, vertices)
         rng_observed = rng_for(settings.seed, "posterior")
         observed = np.sort(rng_observed.permutation(vertices)[:count])
@@ -326,8 +326,8 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         flat, seen = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
         return flat, seen, self._normalise_conditions(conditions_of(parts)[0])
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
-        """The samples of a batch in rows of one topology."""
+    def part(self, name: str, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
+        """The samples of a batch in rows of topology `name`."""
         return TopologyBatch.of(batch, rows)
 
     def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
@@ -346,18 +346,21 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
     ) -> dict[str, torch.Tensor]:
         """Topology -> (V, channels, B_t) normalised offsets and any mask logit."""
         field = self.ppca(z, self._normalise_conditions(cvar))
-        metres = field[:, :3] * self.constants.unit_m + self.offset_mean[..., None]
         logit = field[:, 3:] * (self.constants.steepness / self.constants.ramp_weight)
-        made = torch.cat([self.normalise(metres, "offset"), logit], 1)
-        return dict(zip(counts, made.split(list(counts.values()), 2), strict=True))
+        made = torch.cat([field[:, :3] * self.constants.unit_m, logit], 1)
+        parts = dict(zip(counts, made.split(list(counts.values()), 2), strict=True))
+        return {
+            name: torch.cat([part[:, :3] / self.offset_moments(name)[1], part[:, 3:]], 1)
+            for name, part in parts.items()
+        }
 
     @abstractmethod
     def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, channels, B_t) of garments of topology `name`."""
 
-    def offsets_in_units(self, part: TopologyBatch) -> torch.Tensor:
-        """(V, 3, B_t) offsets from their mean, in `unit_m`."""
-        return (part.offsets - self.offset_mean[..., None]) / self.constants.unit_m
+    def offsets_in_units(self, name: str, part: TopologyBatch) -> torch.Tensor:
+        """(V, 3, B_t) offsets from the mean of topology `name`, in `unit_m`."""
+        return (part.offsets - self.offset_moments(name)[0]) / self.constants.unit_m
 
     def _normalise_conditions(self, cvar: torch.Tensor) -> torch.Tensor:
         return (cvar - self.cvar_mean) / self.cvar_std
@@ -374,7 +377,7 @@ class StaticPpca(GarmentPpca):
         """(V, 4, B_t): offsets from their mean in `unit_m`, and the ramp of the mask."""
         ramp = blur_mask(part.mask, self.laplacians[name], self.constants.blur_passes)
         return torch.cat(
-            [self.offsets_in_units(part), self.constants.ramp_weight * ramp[:, None]], 1
+            [self.offsets_in_units(name, part), self.constants.ramp_weight * ramp[:, None]], 1
         )
 
 
@@ -393,7 +396,7 @@ class DynamicPpca(GarmentPpca):
 
     def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, 3, B_t): offsets from their mean in `unit_m`."""
-        return self.offsets_in_units(part)
+        return self.offsets_in_units(name, part)
 
 
 def save_fit(

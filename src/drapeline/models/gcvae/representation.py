@@ -181,7 +181,7 @@ def fit_code(
     offsets, mask, known = (torch.from_numpy(part) for part in registered)
     given = torch.from_numpy(cvar), torch.from_numpy(topology)
     batch = {"offsets": offsets[None], "mask": mask[None], "cvar": given[0], "topology": given[1]}
-    covered, scale = mask & known, model.offset_std
+    covered, scale = mask & known, model.offset_std[int(topology[0])]
 
     def loss(z: torch.Tensor) -> torch.Tensor:
         decoded, probability = model.decode(z, *given)

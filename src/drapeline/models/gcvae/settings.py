@@ -16,6 +16,7 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_uniform_pooling": {},
     # Without one of what ours has and the paper's has not.
     "svae_no_linear_path": {"network": {"linear_path": False}},
+    "svae_shared_moments": {"network": {"topology_moments": False}},
     "svae_unmasked_input": {"network": {"masked_input": False}},
     "svae_no_places": {"network": {"places": False}},
     "svae_shared_output": {"network": {"vertex_output": False}},
@@ -25,6 +26,7 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_as_printed": {
         "network": {
             "linear_path": False,
+            "topology_moments": False,
             "masked_input": False,
             "places": False,
             "vertex_output": False,
@@ -109,6 +111,13 @@ class GcvaeNetwork(Settings):
     )
     order: int = Field(
         1, ge=1, le=6, description="Order K of the Chebyshev polynomials; 1 means two terms."
+    )
+    topology_moments: bool = Field(
+        True,
+        description=(
+            "Whether offsets are normalised by mean and deviation of the garments of their own "
+            "topology; the paper's are of all."
+        ),
     )
     masked_input: bool = Field(
         True,

@@ -196,8 +196,10 @@ def train_dvae_conditioning(job: Job) -> None:
 
 def train_svae(job: Job) -> None:
     """The paper's VAE of garments in rest pose, in one of its variants."""
-    garments, topology, template = _static_garments(job)
-    model = StaticVae(VaeSettings(**job.params.settings), template)
+    settings = VaeSettings(**job.params.settings)
+    of_each = settings.network.topology_moments
+    garments, topology, template = _static_garments(job, of_each=of_each)
+    model = StaticVae(settings, template)
     train_vae(
         model,
         garments,
@@ -209,8 +211,9 @@ def train_svae(job: Job) -> None:
 
 def train_dvae(job: Job) -> None:
     """The paper's VAE of garments in motion, in one of its variants."""
-    garments, template = _dynamic_garments(job)
-    model = DynamicVae(DvaeSettings(**job.params.settings), template)
+    settings = DvaeSettings(**job.params.settings)
+    garments, template = _dynamic_garments(job, of_each=settings.network.topology_moments)
+    model = DynamicVae(settings, template)
     train_vae(model, garments, job.input.conditioning, TrainingRun.of(job))
 
 
@@ -232,19 +235,19 @@ def fit_dynamic_ppca(job: Job) -> None:
     save_fit(job.output[0], model)
 
 
-def _static_garments(job: Job) -> tuple[StaticData, Topology, BodyTemplate]:
+def _static_garments(
+    job: Job, *, of_each: bool = True
+) -> tuple[StaticData, Topology, BodyTemplate]:
     given = job.input
     garments, topology = StaticData(given.data), load_topology(given.topology)
-    hierarchy = load_hierarchy(given.hierarchy)
-    return (
-        garments,
-        topology,
-        static_body_template(garments, topology, hierarchy, load_bodies(given)),
-    )
+    hierarchy, bodies = load_hierarchy(given.hierarchy), load_bodies(given)
+    template = static_body_template(garments, topology, hierarchy, bodies, of_each=of_each)
+    return garments, topology, template
 
 
-def _dynamic_garments(job: Job) -> tuple[DynamicGarments, BodyTemplate]:
+def _dynamic_garments(job: Job, *, of_each: bool = True) -> tuple[DynamicGarments, BodyTemplate]:
     given = job.input
     garments = load_dynamic_garments(given.data, given.static, job.params.frames)
     topology, hierarchy = load_topology(given.topology), load_hierarchy(given.hierarchy)
-    return garments, dynamic_body_template(garments, topology, hierarchy, load_bodies(given))
+    bodies = load_bodies(given)
+    return garments, dynamic_body_template(garments, topology, hierarchy, bodies, of_each=of_each)

@@ -89,7 +89,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
             {
                 name: FaceNormals(
                     body_template.faces[name],
-                    len(body_template.offset_mean),
+                    len(body_template.body_mean),
                     parts=settings.training.normal_parts,
                     rng=rng_for(seed, "faces", name),
                 )
@@ -154,11 +154,16 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
 
     # ---- from batches to parts and back
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> VaeBatch:
+    def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> deviations, per vertex, from the mean of `name`: "base" or "body"."""
+        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
+        return (x - mean[..., None]) / std[..., None]
+
+    def part(self, name: str, batch: Batch, rows: torch.Tensor) -> VaeBatch:
         """With what the networks see of it."""
         part = TopologyBatch.of(batch, rows)
         base, inputs = self.base_and_inputs(batch, rows)
-        target = self.normalise(part.offsets, "offset")
+        target = self.normalise_offsets(part.offsets, name)
         shown = [target]
         if self.settings.network.masked_input:
             inside = part.mask.to(target.dtype)[:, None]
@@ -238,12 +243,12 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
             if weights.offsets_form == "l1":
                 sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
             else:
-                made = self.to_metres(x[:, :3])
+                made = self.to_metres(x[:, :3], name)
                 sums["offsets"] = sums["offsets"] + distance_sums(made, part.offsets, inside)
             if weights.normals:
                 normals = self.normals[name]
                 true = normals(part.base + part.offsets, faces)
-                made = normals(part.base + self.to_metres(x[:, :3]), faces)
+                made = normals(part.base + self.to_metres(x[:, :3], name), faces)
                 among = normals.mask(part.mask, faces)
                 sums["normals"] = sums["normals"] + normal_sums(made, true, among)
             if x.shape[1] > 3:
@@ -275,7 +280,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
         errors, overlaps = [], []
         for name, part in parts.items():
-            distance = (self.to_metres(out[name][:, :3]) - part.offsets).norm(dim=1)
+            distance = (self.to_metres(out[name][:, :3], name) - part.offsets).norm(dim=1)
             errors.append((distance * part.mask).sum(0) / part.mask.sum(0).clamp_min(1))
             if out[name].shape[1] > 3:
                 made = out[name][:, 3] > 0

@@ -21,6 +21,7 @@ from drapeline.models.gcvae.vae import (
 from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Progress
+from drapeline.registration.to_body.topology import TOPOLOGIES
 from toys.gcvae import ToyGarments, toy_template
 from toys.paper import printed
 
@@ -176,10 +177,11 @@ def slow_terms(domain, batch, parts, out, form="l1", within="mask"):
         for column, row in enumerate(part.rows.tolist()):
             mask, true = batch["mask"][row].numpy(), batch["offsets"][row].numpy()
             made, logit = np.split(out[name][..., column].detach().numpy(), [3], axis=1)
-            metres = made * domain.offset_std + domain.offset_mean
+            code = TOPOLOGIES.index(name)
+            metres = made * domain.offset_std[code] + domain.offset_mean[code]
             counted = mask if within == "mask" else np.ones_like(mask)
             if form == "l1":
-                target = (true - domain.offset_mean) / domain.offset_std
+                target = (true - domain.offset_mean[code]) / domain.offset_std[code]
                 found["offsets"].extend(np.abs(made - target)[counted].ravel())
             else:
                 found["offsets"].extend(100 * np.linalg.norm(metres - true, axis=1)[counted])
@@ -250,7 +252,7 @@ def test_codes_are_drawn_with_the_posterior_s_mean_and_deviation(monkeypatch):
     def decode(z, cvar, counts):
         drawn.append(z)
         return {
-            name: torch.zeros(len(toy_template().offset_mean), 4, n) for name, n in counts.items()
+            name: torch.zeros(len(toy_template().body_mean), 4, n) for name, n in counts.items()
         }
 
     monkeypatch.setattr(model, "encode_parts", code)
@@ -287,7 +289,9 @@ def test_validation_tells_millimetres_and_the_overlap_of_masks():
         for column, row in enumerate(part.rows.tolist()):
             mask, true = batch["mask"][row].numpy(), batch["offsets"][row].numpy()
             made = out[name][..., column].detach().numpy()
-            metres = made[:, :3] * toy_template().offset_std + toy_template().offset_mean
+            code = TOPOLOGIES.index(name)
+            metres = made[:, :3] * toy_template().offset_std[code]
+            metres = metres + toy_template().offset_mean[code]
             errors.append(1000 * np.linalg.norm(metres - true, axis=1)[mask].mean())
             seen = 1 / (1 + np.exp(-made[:, 3])) > 0.5
             overlaps.append((seen & mask).sum() / (seen | mask).sum())
