@@ -98,7 +98,7 @@ class GarmentPca:
         """The same with its first components alone."""
         return replace(self, axes=self.axes[:count], mask_axes=self.mask_axes[:count])
 
-    def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def reconstruct(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""
         code = self.axes @ (offsets.ravel() - self.mean)
         mask = self.mask_mean + code @ self.mask_axes > 0.5
@@ -199,7 +199,7 @@ def static_baselines(
     return {
         "mean_garment": lambda row: (mean.offsets[garment[row]], mean.mask[garment[row]]),
         "nearest_cvar": nearest,
-        "pca": lambda row: pca.rebuild(offsets[row]),
+        "pca": lambda row: pca.reconstruct(offsets[row]),
     }
 
 

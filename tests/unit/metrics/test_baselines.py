@@ -78,11 +78,11 @@ def test_pca_equals_the_singular_value_decomposition(data):
     np.testing.assert_allclose(np.abs((pca.axes * axes[:4]).sum(1)), 1, atol=1e-3)
     code = axes[:4] @ (offsets[35].ravel() - flat.mean(0))
     expected = (flat.mean(0) + code @ axes[:4]).reshape(-1, 3)
-    np.testing.assert_allclose(pca.rebuild(offsets[35])[0], expected, atol=1e-4)
+    np.testing.assert_allclose(pca.reconstruct(offsets[35])[0], expected, atol=1e-4)
     # Shorter codes are those of fewer components.
     fewer = fit_pca(offsets[train], mask[train], components=2)
     for found, fitted in zip(
-        pca.first(2).rebuild(offsets[35]), fewer.rebuild(offsets[35]), strict=True
+        pca.first(2).reconstruct(offsets[35]), fewer.reconstruct(offsets[35]), strict=True
     ):
         np.testing.assert_allclose(found, fitted, atol=1e-4)
 
@@ -106,9 +106,9 @@ def test_pca_gives_back_what_lies_in_its_span_mask_included(data):
     offsets, mask, _, _, train = data
     pca = fit_pca(offsets[train], mask[train], components=128)  # far more than there are
     assert len(pca.axes) <= 29
-    rebuilt, covered = pca.rebuild(offsets[35])
+    rebuilt, covered = pca.reconstruct(offsets[35])
     np.testing.assert_allclose(rebuilt, offsets[35], atol=1e-4)  # rank 6 in all
-    np.testing.assert_array_equal(pca.rebuild(offsets[3])[1], mask[3])
+    np.testing.assert_array_equal(pca.reconstruct(offsets[3])[1], mask[3])
     assert covered.dtype == bool
 
 

@@ -183,7 +183,7 @@ class MovingBaselines:
             MEAN: mean,
             MEAN_GARMENT: self._mean_garment[types] + mean - data.static[garments],
             RIDGE: self.ridge.predict(types, self._garments.cvar(rows)),
-            PCA: np.stack([self._pca.rebuild(one)[0] for one in true]),
+            PCA: np.stack([self._pca.reconstruct(one)[0] for one in true]),
         }
 
 

@@ -220,7 +220,7 @@ class Ppca(nn.Module):
 
 @dataclass(frozen=True)
 class PpcaConstants:
-    """Constants of the fit."""
+    """Constants of the fit; docs/background/garment-vae.md has what validation says of them."""
 
     unit_m: float = 0.02  # unit of the offsets in a field
     # That turn the mask into a ramp, whose width grows with their square root.

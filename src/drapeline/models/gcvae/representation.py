@@ -67,7 +67,7 @@ class OffsetPca(RegisteredOffsets):
 
     def predict(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Offsets and mask of rows from their components."""
-        return (self._pca.rebuild(self.data.offsets[row]) for row in rows)
+        return (self._pca.reconstruct(self.data.offsets[row]) for row in rows)
 
 
 class VaeCode(RegisteredOffsets):
