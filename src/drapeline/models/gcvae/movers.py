@@ -23,7 +23,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.generation.moving_sheets import SimulatedSheet, SolverDraper
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.collision import resolve_penetration
+from drapeline.geometry.collision import PenetrationResolver, resolve_penetration
 from drapeline.geometry.mesh import Mesh, barycentric, faces_within
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.dynamic import HISTORY_STEP
@@ -143,7 +143,7 @@ def move_by_model(
         weights = _weights(one.sheet, body, record.shape)
         points = skin_points(one.sheet.vertices + change, motions, weights).astype(np.float32)
         if settle:
-            points = resolve_penetration(points, one.sheet.faces, bodies, body.faces)
+            points = _pushed_out(points, one.sheet.faces, bodies, body.faces)
             points = _over(points, one.sheet.faces, list(moved.values()))
         frames = [Mesh(places, one.sheet.faces) for places in points]
         moved[name] = SimulatedSheet(one.sheet, frames)
@@ -188,6 +188,18 @@ def _weights(sheet: Mesh, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     there = rest_body(body, shape)[used]
     corners = corners.reshape(faces.shape)
     return nearest_weights(sheet.vertices, sheet.faces, there, corners, body.weights[used])
+
+
+def _pushed_out(
+    points: np.ndarray, faces: np.ndarray, bodies: np.ndarray, body_faces: np.ndarray
+) -> np.ndarray:
+    """Frames (F, M, 3) of a garment, smoothed and out of the body's (F, B, 3)."""
+    out = resolve_penetration(points, faces, bodies, body_faces)
+    resolver = PenetrationResolver(bodies[0], body_faces)
+    for frame, surface in enumerate(bodies):
+        resolver.move(surface)
+        out[frame] = resolver.push_faces_out(out[frame], faces)
+    return out
 
 
 def _over(points: np.ndarray, faces: np.ndarray, inner: Sequence[SimulatedSheet]) -> np.ndarray:
