@@ -33,12 +33,13 @@ from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.outfits.worn import DrapedSheet, push_over, stack_layers
+from drapeline.outfits.worn import GAP_M, DrapedSheet, push_over, stack_layers
 from drapeline.registration.to_body.topology import topology_codes
 
 # No garment covers these, so that registered bodies do not have them either.
 _BARE = ("head", *(f"{side}_{part}" for side in ("left", "right") for part in ("hand", "foot")))
 _POSE = 72
+_OVER_M = 2 * GAP_M  # between layers, whose faces cut corners
 
 
 class WornSheet(NamedTuple):
@@ -208,5 +209,5 @@ def _over(points: np.ndarray, faces: np.ndarray, inner: Sequence[SimulatedSheet]
     out = points.copy()
     for sheet in inner:
         for frame, below in enumerate(sheet.frames):
-            out[frame] = push_over(out[frame], average, below)
+            out[frame] = push_over(out[frame], average, below, gap_m=_OVER_M)
     return out
