@@ -145,6 +145,42 @@ def test_a_page_has_all_movers_side_by_side(run_rule, animated, tmp_path):
         assert header["frames"] == FRAMES
 
 
+def test_sampled_garments_are_compared_with_real_ones(run_rule, folder, given, tmp_path):
+    hanging = {
+        "solver": "drapeline.xpbd.solver",
+        "hanging": {"edge_length_m": 0.04, "simulation": {}},
+        "hang_frames": 0,
+    }
+    bodies = {gender: given[gender] for gender in GENDERS}
+    conditions = {"count": 4, "garments": ["Tshirt", "Dress"], "female_share": 1, "shape": None}
+    conditions |= {"shape_range": 1.0, "tightness": None, "tightness_range": [-1.5, 0.5]}
+    run_rule(
+        "drapeline.models.gcvae.sample:sample_garments_of_codes",
+        input={"model": given["model"], **bodies},
+        output=[tmp_path / "sampled"],
+        params={"seed": 0, "conditions": conditions, "settle": True, **hanging},
+    )
+    run_rule(
+        "drapeline.models.gcvae.likeness:compare_with_real",
+        input={
+            "samples": tmp_path / "sampled",
+            "model": given["model"],
+            "data": folder / "data",
+            "outfits": [],
+            **bodies,
+        },
+        output={"page": tmp_path / "page.html", "table": tmp_path / "table.tsv"},
+        params={"seed": 0, "split": "test", **hanging},
+    )
+    with open(tmp_path / "table.tsv") as stream:
+        rows = {row["set"]: row for row in csv.DictReader(stream, delimiter="\t")}
+    assert [row["garments"] for row in rows.values()] == ["4", "4", "2", "0"]
+    assert 0 <= float(rows["sampled, hung"]["covered_share"]) <= 1
+    assert float(rows["real, hung"]["nearest_mm"]) > 0
+    assert float(rows["real, as registered"]["folds_2cm_mm"]) > 0
+    assert "garments covered" in (tmp_path / "page.html").read_text()
+
+
 @pytest.fixture(scope="module")
 def outfit(given):
     """A model, and sampled garments of one wearer."""

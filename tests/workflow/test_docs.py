@@ -143,10 +143,12 @@ def test_motions_simulations_and_measures_of_the_library_run_as_they_stand(monke
     monkeypatch.setattr(moving_outfits, "HealthBounds", lambda **_: NO_BOUNDS)
     code = sections(ROOT / "docs/reference/api.md", "Motions", "Simulations", "Measures")
     saved = []
-    monkeypatch.setattr(drapeline, "save_motion", lambda *given: saved.append(given))
+    for name in ("save_motion", "save_outfit"):
+        monkeypatch.setattr(drapeline, name, lambda *given: saved.append(given))
     names = {}
     exec(compile(code, "api.md", "exec"), names)
-    assert [path for path, _ in saved] == ["jump.npz"]
+    assert [path for path, _ in saved] == ["jump.npz", "jump.glb"]
+    assert saved[1][1] is names["worn"]
     assert set(names["worn"].garments) == {"Tshirt", "Skirt"}
     assert len(names["shirt"].frames) == len(names["worn"].body) == 6
     assert names["picture"].shape == (290, 250, 3)

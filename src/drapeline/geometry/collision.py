@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 import warp as wp
 
+from drapeline.geometry.mesh import edges
 from drapeline.geometry.smoothing import averaging_matrix, fairing, spread_pushes
 from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
@@ -58,6 +59,24 @@ class PenetrationResolver:
                 push = spread_pushes(push, average, _SPREAD)
             cloth = (cloth + push).astype(np.float32)
             moved_last = np.flatnonzero(push.any(axis=1))  # the others are outside, and stay so
+        return cloth
+
+    def push_faces_out(self, cloth: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Cloth (V, 3) float32 moved until middles of its faces (F, 3) and edges are outside too.
+
+        Between vertices that are outside, coarse cloth may still cut through a body that bends.
+        """
+        parts = (edges(faces), faces)
+        for _ in range(_ROUNDS):
+            for corners in parts:
+                push = self._pushes(cloth[corners].mean(axis=1).astype(np.float32))
+                through = np.flatnonzero(push.any(axis=1))
+                # Of several for a vertex the last one stays, which is the longest.
+                order = through[np.argsort(np.linalg.norm(push[through], axis=1), kind="stable")]
+                moved = np.zeros_like(cloth)
+                for column in corners.T:
+                    moved[column[order]] = push[order]
+                cloth = (cloth + moved).astype(np.float32)
         return cloth
 
     def _pushes(self, points: np.ndarray) -> np.ndarray:

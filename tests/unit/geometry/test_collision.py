@@ -50,6 +50,19 @@ def test_each_frame_leaves_its_own_body():
     np.testing.assert_allclose(both[1], both[0] + shift, atol=2e-3)
 
 
+def test_coarse_cloth_is_pushed_out_between_its_vertices():
+    body, body_faces = ball(RADIUS_M)
+    coarse = trimesh.creation.icosphere(subdivisions=1, radius=RADIUS_M + GAP_M)
+    cloth, faces = np.asarray(coarse.vertices, np.float32), np.asarray(coarse.faces)
+    assert np.linalg.norm(cloth[faces].mean(axis=1), axis=1).min() < RADIUS_M - 0.001
+    out = PenetrationResolver(body, body_faces).push_faces_out(cloth, faces)
+    assert np.linalg.norm(out[faces].mean(axis=1), axis=1).min() > RADIUS_M
+    far = np.asarray(2 * cloth)
+    np.testing.assert_array_equal(
+        PenetrationResolver(body, body_faces).push_faces_out(far, faces), far
+    )
+
+
 def test_a_body_is_wanted_for_every_frame():
     body, body_faces = ball(RADIUS_M)
     with pytest.raises(ValueError, match="2 frames of cloth came with 1 bodies"):

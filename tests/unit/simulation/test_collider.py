@@ -4,10 +4,10 @@ import trimesh
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.geometry.coarsen import coarsen_faces
 from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.simulation.collider import (
     MovingBody,
-    coarsen_faces,
     make_collider,
     reachable_vertices,
 )

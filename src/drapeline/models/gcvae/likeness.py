@@ -83,10 +83,14 @@ def compare_with_real(job: Job) -> None:
 
 
 def _row(name: str, meshes: Sequence[Mesh], varied: Variety | None = None) -> dict[str, str]:
-    measures = [cloth_measures(mesh) for mesh in progress(meshes, total=len(meshes), label=name)]
-    values = {key: float(np.nanmean([one[key] for one in measures])) for key in measures[0]}
+    cloth = [mesh for mesh in meshes if len(mesh.faces)]
+    measures = [cloth_measures(mesh) for mesh in progress(cloth, total=len(cloth), label=name)]
+    values = {
+        key: float(np.mean([one[key] for one in measures]))
+        for key in (measures[0] if measures else ())
+    }
     values |= {} if varied is None else varied._asdict()
-    row = {"set": name, "garments": str(len(meshes))}
+    row = {"set": name, "garments": str(len(cloth))}
     row |= {key: f"{value:.{_DIGITS.get(key, 2)}f}" for key, value in values.items()}
     return {**dict.fromkeys(["set", *_TITLES], ""), **row}
 

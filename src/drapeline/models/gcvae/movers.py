@@ -23,7 +23,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.generation.moving_sheets import SimulatedSheet, SolverDraper
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.collision import resolve_penetration
+from drapeline.geometry.collision import PenetrationResolver, resolve_penetration
 from drapeline.geometry.mesh import Mesh, barycentric, faces_within
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.dynamic import HISTORY_STEP
@@ -33,12 +33,13 @@ from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.outfits.worn import DrapedSheet, push_over, stack_layers
+from drapeline.outfits.worn import GAP_M, DrapedSheet, push_over, stack_layers
 from drapeline.registration.to_body.topology import topology_codes
 
 # No garment covers these, so that registered bodies do not have them either.
 _BARE = ("head", *(f"{side}_{part}" for side in ("left", "right") for part in ("hand", "foot")))
 _POSE = 72
+_OVER_M = 2 * GAP_M  # between layers, whose faces cut corners
 
 
 class WornSheet(NamedTuple):
@@ -143,7 +144,7 @@ def move_by_model(
         weights = _weights(one.sheet, body, record.shape)
         points = skin_points(one.sheet.vertices + change, motions, weights).astype(np.float32)
         if settle:
-            points = resolve_penetration(points, one.sheet.faces, bodies, body.faces)
+            points = _pushed_out(points, one.sheet.faces, bodies, body.faces)
             points = _over(points, one.sheet.faces, list(moved.values()))
         frames = [Mesh(places, one.sheet.faces) for places in points]
         moved[name] = SimulatedSheet(one.sheet, frames)
@@ -190,11 +191,23 @@ def _weights(sheet: Mesh, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     return nearest_weights(sheet.vertices, sheet.faces, there, corners, body.weights[used])
 
 
+def _pushed_out(
+    points: np.ndarray, faces: np.ndarray, bodies: np.ndarray, body_faces: np.ndarray
+) -> np.ndarray:
+    """Frames (F, M, 3) of a garment, smoothed and out of the body's (F, B, 3)."""
+    out = resolve_penetration(points, faces, bodies, body_faces)
+    resolver = PenetrationResolver(bodies[0], body_faces)
+    for frame, surface in enumerate(bodies):
+        resolver.move(surface)
+        out[frame] = resolver.push_faces_out(out[frame], faces)
+    return out
+
+
 def _over(points: np.ndarray, faces: np.ndarray, inner: Sequence[SimulatedSheet]) -> np.ndarray:
     """Frames (F, M, 3) of a garment, over those that are worn beneath it."""
     average = averaging_matrix(faces, points.shape[1])
     out = points.copy()
     for sheet in inner:
         for frame, below in enumerate(sheet.frames):
-            out[frame] = push_over(out[frame], average, below)
+            out[frame] = push_over(out[frame], average, below, gap_m=_OVER_M)
     return out

@@ -319,6 +319,11 @@ def mend(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
     return Mesh(resolver.push_out(points.astype(np.float32), average), piece.faces)
 
 
+def whole_piece(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
+    """The largest piece of a decoded garment (V, 3) in a mask (V,), without small holes."""
+    return largest_piece(garment_mesh(vertices, faces, fill_holes(mask, faces)))
+
+
 def fill_holes(mask: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """A mask (V,) without small holes: what is beyond a hem reaches to an end of the body."""
     pairs = edges(faces)
@@ -354,7 +359,7 @@ def _draw_once(
         body = model.body_template.rest_body(request.cvar)
         faces = model.body_template.faces_of(garment)
         mesh = garment_mesh(body + offsets, faces, mask)
-        piece = largest_piece(garment_mesh(body + offsets, faces, fill_holes(mask, faces)))
+        piece = whole_piece(body + offsets, faces, mask)
         sampled.append(
             SampledGarment(
                 name, request, garment, z, offsets, mask, mesh, piece, piece, body, draws

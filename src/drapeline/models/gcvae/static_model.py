@@ -21,7 +21,7 @@ from drapeline.frames import GENDERS
 from drapeline.generation.moving_outfits import SimulatedOutfit, put_on, simulate, wearer
 from drapeline.generation.moving_sheets import WORN, SolverDraper, make_draper
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import garment_mesh, largest_piece
+from drapeline.metrics.garment import garment_mesh
 from drapeline.models.gcvae.codec import Codes, GarmentCodec
 from drapeline.models.gcvae.load import TOPOLOGY, load_codec
 from drapeline.models.gcvae.movers import WornSheet, hang_at_rest, load_mover, move_by_model
@@ -34,6 +34,7 @@ from drapeline.models.gcvae.sample import (
     load_types,
     mend,
     sample_garments,
+    whole_piece,
 )
 from drapeline.models.gcvae.settings import SOLVER
 from drapeline.models.gcvae.vae import StaticVae
@@ -228,7 +229,8 @@ class StaticModel:
             faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
-                mesh = mend(self._codec, largest_piece(mesh), body)
+                piece = whole_piece(body + decoded.offsets, faces, decoded.mask)
+                mesh = mend(self._codec, piece, body)
             made.append(self._garment(request, decoded.garment, mesh, code))
         return made
 

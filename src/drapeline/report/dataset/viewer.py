@@ -23,7 +23,8 @@ from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.mesh import split_at_seams
+from drapeline.geometry.coarsen import coarsen_faces
+from drapeline.geometry.mesh import Mesh, split_at_seams
 from drapeline.outfits.garment_types import BODY
 from drapeline.storage import atomic_file
 
@@ -35,6 +36,7 @@ STEPS_M = (0.0002, 0.0005, 0.001)  # what vertices are rounded to
 _LEVELS = 2**16 - 1
 _PAGE_BYTES = 25_000  # without its meshes
 _PRINT_COLOURS = 24
+_TRIANGLES = 5000  # of each part, side by side
 _APART_M = 0.15  # between people side by side
 
 
@@ -116,9 +118,21 @@ def write_side_by_side(
                 elif BODY not in (one.name for one in parts):  # the same in all of them
                     parts.append(part)
                     stands.append([*places.values()])
+        parts = [_coarser(part) for part in parts]
         header, blob = _encode_within(parts, bytes_max, stands)
     labels = [{"text": name, "at": place} for name, place in places.items()]
     return _write(path, header | {"title": title, "lines": [*lines], "labels": labels}, blob)
+
+
+def _coarser(part: ScenePart) -> ScenePart:
+    """A part through some of its vertices, so that a page has room for its frames."""
+    faces = part.mesh.triangles
+    kept = coarsen_faces(part.mesh.vertices, faces, min(1, _TRIANGLES / max(len(faces), 1)))
+    used, corners = np.unique(kept, return_inverse=True)
+    mesh = Mesh(part.mesh.vertices[used], corners.reshape(kept.shape).astype(np.int32))
+    return replace(
+        part, mesh=mesh, read=lambda start, stop: part.read(start, stop)[:, used], texture=None
+    )
 
 
 def _space_m(parts: Sequence[ScenePart]) -> float:

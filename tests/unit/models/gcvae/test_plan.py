@@ -1,0 +1,56 @@
+"""What an experiment does with the garment VAEs, without Snakemake."""
+
+import pytest
+import yaml
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.plan import MODEL
+from toys.plans import files_of
+from toys.snakemake_run import ROOT
+
+TINY = yaml.safe_load((ROOT / "tests/data/tiny.yaml").read_text())
+
+
+def animated(**asked):
+    """The task that sets sampled outfits in motion."""
+    gcvae = {**TINY.get("gcvae", {}), "animation": asked}
+    return MODEL.plan(files_of({**TINY, "gcvae": gcvae})).samples["animated"]
+
+
+def check(task):
+    for one in task.checks:
+        one()
+
+
+def test_outfits_are_those_of_the_experiment_on_a_clip_of_its_samples():
+    task = animated(count=4)
+    check(task)
+    plans = task.params["plans"]
+    assert len({plan["sample"] for plan in plans}) == 4
+    assert len({plan["sequence"] for plan in plans}) == 1
+    assert f"/motions/{plans[0]['sequence']}/" in task.input["motion"]
+    worn = {plan.outfit_type for plan in files_of(TINY).resting_plans.values()}
+    assert {plan["outfit_type"] for plan in plans} <= worn
+
+
+def test_only_what_moves_the_outfits_is_trained_for_it():
+    assert {"dvae", "ppca"} <= animated().input.keys()
+    assert not {"dvae", "ppca"} & animated(movers=["solver"]).input.keys()
+    assert animated(movers=["ppca"]).input["ppca"].endswith("gcvae/dynamic_ppca")
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        ({"clip": "moonwalk"}, "gcvae.animation.clip: 'moonwalk', expected one of "),
+        ({"types": ["Tshirt+Trousers+Jacket"]}, "gcvae.animation.types: Jacket, expected garments"),
+    ],
+)
+def test_what_cannot_be_animated_is_refused_before_anything_runs(asked, sentence):
+    with pytest.raises(InputError, match=sentence):
+        check(animated(**asked))
+
+
+def test_a_mover_that_there_is_not_is_refused():
+    with pytest.raises(InputError, match="wind"):
+        animated(movers=["wind"])
