@@ -59,7 +59,7 @@ def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tenso
 
 
 _FIRST_BATCH = 64
-_LINEAR_RATE_SHARE = 0.1
+_LINEAR_RATE_SHARE = 0.3
 
 
 @dataclass(frozen=True)
