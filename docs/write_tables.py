@@ -76,7 +76,11 @@ METRIC_TABLES = {
     "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
     "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
     "by_solver": MetricTable(
-        (*RECONSTRUCTED, *PREDICTED, "regression", "canonical", "untrained", "posed", "ours"),
+        (
+            *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_ridge"),
+            *("skinned_mean", "skinned_static", *FLOOR),
+            *("regression", "canonical", "untrained", "posed", "ours"),
+        ),
         ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
         (*TEMPLATE_TYPES, ALL),
         down=("metric", "garment", "variant"),

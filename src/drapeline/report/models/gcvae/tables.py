@@ -112,7 +112,8 @@ _SECTIONS = (
         "Table 3a: static garments, ablations and baselines",
         MetricTable(_STATIC, (*_SHOWN, *_PRINTED_METRICS), printed=_PRINTED["3a"], paper=PAPER),
         below="The mean garment and the neighbour only know the type and the conditioning"
-        " variables. PCA, like the VAE, is given the garment and reconstructs it.",
+        " variables; that of a training garment is itself. PCA, like the VAE, is given the garment"
+        " and reconstructs it.",
     ),
     Section(
         "Table 3b: static garments by type, garment VAE",
