@@ -12,8 +12,10 @@ from torch import nn
 
 from drapeline.models.training.module import TrainableModule
 
-_STEP = 1e-6
-_DROP = 1e-3
+# A loss jumps where other points become neighbours. Where the jumps are is a matter of the last
+# digit and so of the processor, but few steps that shrink to a hundredth all have one within.
+_STEPS = (1e-6, 1e-7, 1e-8)
+_DROPS = (1e-3, 1e-4, 1e-5)
 M = TypeVar("M", bound=nn.Module)
 
 
@@ -57,12 +59,13 @@ def assert_true_gradients(module: M, loss: Callable[[M], torch.Tensor]) -> None:
         assert size > 0, f"{name}: no gradient"
         direction = torch.randn(slope.shape, generator=rng, dtype=slope.dtype)
         direction = slope / size + direction / direction.norm()
-        up, down = (
-            _loss_at(module, loss, {name: sign * _STEP * direction}) for sign in (1.0, -1.0)
-        )
-        expected = (slope * direction).sum()
-        error = abs((up - down) / (2 * _STEP) - expected) / size
-        assert error < 1e-3, name
+        expected, errors = (slope * direction).sum(), []
+        for step in _STEPS:
+            up, down = (
+                _loss_at(module, loss, {name: sign * step * direction}) for sign in (1.0, -1.0)
+            )
+            errors.append(float(abs((up - down) / (2 * step) - expected) / size))
+        assert min(errors) < 1e-3, (name, errors)
 
 
 def assert_a_step_lowers(module: M, loss: Callable[[M], torch.Tensor]) -> None:
@@ -74,10 +77,12 @@ def assert_a_step_lowers(module: M, loss: Callable[[M], torch.Tensor]) -> None:
     module = _settled(module, loss)
     before, slopes = _loss_and_slopes(module, loss)
     steepness = sum(slope.square().sum() for slope in slopes.values())
-    length = _DROP * before / steepness
-    after = _loss_at(module, loss, {name: -length * slope for name, slope in slopes.items()})
-    share = (before - after) / (_DROP * before)
-    assert share > 0.5
+    shares = []
+    for drop in _DROPS:
+        length = drop * before / steepness
+        after = _loss_at(module, loss, {name: -length * slope for name, slope in slopes.items()})
+        shares.append(float((before - after) / (drop * before)))
+    assert max(shares) > 0.5, shares
 
 
 def _settled(module: M, loss: Callable[[M], torch.Tensor]) -> M:
