@@ -596,6 +596,7 @@ def _make_samples(folder: Path) -> None:
         garment=np.array(["Skirt", "Top"]),
         asked=np.array([True, False]),
         cvar=np.zeros((2, 13), np.float32),
+        z=np.zeros((2, 4), np.float32),
     )
     save_obj(folder / "001.obj", tube(0.3, -0.4, 0.05))
 

@@ -247,14 +247,14 @@ class SampledGarment:
     mask: np.ndarray
     decoded: Mesh  # the garment as decoded
     piece: Mesh  # its largest connected piece
-    mesh: Mesh  # the piece, evened out and pushed out of the body if that was asked for
+    mesh: Mesh  # the piece, mended if that was asked for
     body: np.ndarray  # (V, 3) rest body that it was decoded on
     draws: int  # number of codes drawn for it; this garment is of the last one
 
     @property
     def kept_share(self) -> float:
         """Share of the decoded vertices that are in the largest piece; 0 if none were decoded."""
-        return min(len(self.piece.vertices) / max(len(self.decoded.vertices), 1), 1.0)
+        return len(self.piece.vertices) / max(len(self.decoded.vertices), 1)
 
     def is_sound(self, body_faces: np.ndarray) -> bool:
         """Whether nearly all of it is in one piece and hardly any of it deep in the body."""
@@ -282,8 +282,7 @@ def sample_garments(
         types: of its training garments.
         requests: by name.
         seed: with a sample's name it determines the codes.
-        settle: whether garments are evened out and pushed out of the body in the end, see
-            `resolve_penetration`; otherwise no vertex is moved.
+        settle: whether garments are mended in the end, see `mend`; otherwise no vertex is moved.
     """
     rngs = {name: rng_for(seed, "sampled garment", name, "code") for name in requests}
     latest: dict[str, SampledGarment] = {}
@@ -298,16 +297,25 @@ def sample_garments(
     sampled = [latest[name] for name in requests]
     if not settle:
         return sampled
-    return [replace(s, mesh=mend(model, s.piece, s.body)) for s in sampled]
+    return [replace(s, mesh=mend(model, s.garment, s.body, s.offsets, s.mask)) for s in sampled]
 
 
-def mend(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
-    """A decoded garment without what cannot be cloth, on the body (V, 3) that it was decoded on.
+def mend(
+    model: GarmentCodec, garment: str, body: np.ndarray, offsets: np.ndarray, mask: np.ndarray
+) -> Mesh:
+    """The largest piece of a decoded garment, without what cannot be cloth.
 
     Decoded garments follow the body into the navel and between the legs, long hems are stacked
-    folds, and boundaries are jagged: what is narrower than a hand is smoothed, dents are spanned,
-    and what is in the body then is pushed out.
+    folds, and boundaries are jagged: small holes are filled, what is narrower than a hand is
+    smoothed, dents are spanned, and what is in the body then is pushed out.
+
+    Args:
+        garment: its type.
+        body: (V, 3) that it was decoded on.
+        offsets, mask: (V, 3) metres and (V,) bool, as decoded.
     """
+    faces = model.body_template.faces_of(garment)
+    piece = largest_piece(garment_mesh(body + offsets, faces, fill_holes(mask, faces)))
     if not len(piece.faces):
         return piece
     count = len(piece.vertices)
@@ -317,11 +325,6 @@ def mend(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
     average = averaging_matrix(piece.faces, count)
     resolver = PenetrationResolver(body, model.body_template.faces[TOPOLOGIES[0]])
     return Mesh(resolver.push_out(points.astype(np.float32), average), piece.faces)
-
-
-def whole_piece(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
-    """The largest piece of a decoded garment (V, 3) in a mask (V,), without small holes."""
-    return largest_piece(garment_mesh(vertices, faces, fill_holes(mask, faces)))
 
 
 def fill_holes(mask: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -359,7 +362,7 @@ def _draw_once(
         body = model.body_template.rest_body(request.cvar)
         faces = model.body_template.faces_of(garment)
         mesh = garment_mesh(body + offsets, faces, mask)
-        piece = whole_piece(body + offsets, faces, mask)
+        piece = largest_piece(mesh)
         sampled.append(
             SampledGarment(
                 name, request, garment, z, offsets, mask, mesh, piece, piece, body, draws

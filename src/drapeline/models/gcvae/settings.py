@@ -368,8 +368,9 @@ class Sampling(Settings):
     settle: bool = Field(
         True,
         description=(
-            "Whether to smooth garments and push them out of the body after decoding, which the "
-            "paper does not do; otherwise no vertex is moved."
+            "Whether to mend garments after decoding: to fill small holes, smooth them, span dents "
+            "and push them out of the body, which the paper does not do; otherwise no vertex is "
+            "moved."
         ),
     )
     hang_frames: int = Field(

@@ -34,7 +34,6 @@ from drapeline.models.gcvae.sample import (
     load_types,
     mend,
     sample_garments,
-    whole_piece,
 )
 from drapeline.models.gcvae.settings import SOLVER
 from drapeline.models.gcvae.vae import StaticVae
@@ -229,8 +228,7 @@ class StaticModel:
             faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
-                piece = whole_piece(body + decoded.offsets, faces, decoded.mask)
-                mesh = mend(self._codec, piece, body)
+                mesh = mend(self._codec, decoded.garment, body, decoded.offsets, decoded.mask)
             made.append(self._garment(request, decoded.garment, mesh, code))
         return made
 
