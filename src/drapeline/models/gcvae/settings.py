@@ -267,7 +267,7 @@ class VaeSettings(Settings):
 class DvaeSettings(VaeSettings):
     """The model of garments in motion."""
 
-    training: GcvaeTraining = GcvaeTraining(steps=1000, learning_rate=0.002)
+    training: GcvaeTraining = GcvaeTraining(steps=1000)
 
 
 class AutoencoderTraining(StepTraining):
