@@ -114,7 +114,10 @@ def test_every_mover_moves_the_same_garments(animated):
             assert set(sample.garments) == set(row["outfit"].split("+"))
             assert len(sample) == FRAMES
             for name in sample.garments:
-                assert sample.mesh(name).faces.tolist() == other.mesh(name).faces.tolist()
+                own, its = sample.mesh(name), other.mesh(name)
+                assert own.faces.tolist() == its.faces.tolist()
+                # The solver puts layers on once more, which takes apart what touches.
+                np.testing.assert_allclose(own.vertices, its.vertices, atol=0.01)
                 assert np.isfinite(sample.vertices(name)).all()
 
 
@@ -176,7 +179,7 @@ def test_sampled_garments_are_compared_with_real_ones(run_rule, folder, given, t
     )
     with open(tmp_path / "table.tsv") as stream:
         rows = {row["set"]: row for row in csv.DictReader(stream, delimiter="\t")}
-    assert [row["garments"] for row in rows.values()] == ["4", "4", "2", "0"]
+    assert [row["garments"] for row in rows.values()] == ["4", "4", "1", "0"]
     assert 0 <= float(rows["sampled, hung"]["covered_share"]) <= 1
     assert float(rows["real, hung"]["nearest_mm"]) > 0
     assert float(rows["real, as registered"]["folds_2cm_mm"]) > 0
@@ -210,20 +213,22 @@ def test_in_a_still_pose_no_change_is_what_hangs(given, toy_body):
     none = np.zeros(2)
     drawn = draw_outfit(static, types, plan, np.zeros(10), 0, none, none, settle=True)
     assert list(drawn) == ["Trousers", "Tshirt"]  # from the innermost to the outermost
-    worn = {name: WornSheet(one.mesh, one.offsets, one.mask) for name, one in drawn.items()}
+    worn = {
+        name: WornSheet(one.mesh, one.mesh, one.offsets, one.mask, one.request.cvar)
+        for name, one in drawn.items()
+    }
     poses = np.tile(REST_POSE, (FRAMES, 1))
     record = make_body_sequence(
         toy_body, np.zeros(10), poses, np.zeros((FRAMES, 3)), gender="female"
     )
-    cvar = drawn["Tshirt"].request.cvar
     model = load_mover(given["ppca"])
-    moved = move_by_model(model, static, worn, cvar, toy_body, record, settle=False)
+    moved = move_by_model(model, static, worn, toy_body, record, settle=False)
     for name, sheet in moved.items():
         assert len(sheet.frames) == FRAMES
         for frame in sheet.frames:
             np.testing.assert_allclose(frame.vertices, drawn[name].mesh.vertices, atol=1e-5)
     bent = replace(record, poses=poses + 0.2)
-    again = move_by_model(model, static, worn, cvar, toy_body, bent, settle=False)
+    again = move_by_model(model, static, worn, toy_body, bent, settle=False)
     assert np.abs(again["Tshirt"].frames[0].vertices - drawn["Tshirt"].mesh.vertices).max() > 0.05
 
 
@@ -269,6 +274,23 @@ def test_layers_keep_their_order(outfit, still, given, toy_body, mover):
     ):
         beneath = MovingSheet(inner.vertices, inner.faces).beneath(outer.vertices, 0.03)
         assert beneath.mean() < 0.05
+
+
+def test_each_garment_is_moved_by_its_own_tightness_whatever_stands_first(
+    outfit, still, given, toy_body
+):
+    model, garments = outfit
+    first, second = (
+        one._replace(tightness=np.full(2, tightness))
+        for one, tightness in zip(garments, (-1.0, 0.5), strict=True)
+    )
+    one, other = (
+        model.animate(order, still, toy_body, mover=given["ppca"], settle=False, hang_frames=2)
+        for order in ([first, second], [second, first])
+    )
+    for name, sheet in one.garments.items():
+        frame, again = sheet.frames[-1].vertices, other.garments[name].frames[-1].vertices
+        np.testing.assert_allclose(frame, again, atol=1e-6)
 
 
 def test_what_was_moved_is_written_and_read_back(moved, tmp_path):

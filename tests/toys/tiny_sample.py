@@ -150,7 +150,12 @@ def write_stages(
         "status": status,
         "reason": "" if status == "accepted" else "1.20 % of the vertices inside the body",
         "solver": {"name": "blender"},
-        "attempts": [{"steps": 14}],
+        "attempts": [
+            {
+                **{"steps": 14, "gap_m": 0.004, "collider_share": 1.0, "floor": False},
+                **{"shape_frames": 2, "pose_frames": 2, "settle_frames": 0},
+            }
+        ],
         "frames_per_second": 2.0,
         "versions": {"bpy": "4.5.15"},
     }

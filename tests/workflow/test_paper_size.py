@@ -27,6 +27,7 @@ PRINTED = {
     "gcvae.loss": {
         **{"normals": 70, "mask": 0.1, "condition": 1},
         **{"kl_start": 1e-4, "kl_flat_share": 0.5, "kl_rise": 0.005, "kl_max": 0.25},
+        "kl_selection": 0.1,
         **{"mask_form": "l1", "offsets_form": "l1", "offsets_within": "mask"},
     },
     "gcvae.svae.network": _NETWORK,

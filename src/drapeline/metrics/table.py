@@ -85,7 +85,8 @@ def summarise(
         )
         for end, value in values.items()
     ]
-    means += [(ALL, name, value, len(measured), "") for name, value in (of_all or {}).items()]
+    if measured:
+        means += [(ALL, name, value, len(measured), "") for name, value in (of_all or {}).items()]
     rows = [
         {
             "model": model,

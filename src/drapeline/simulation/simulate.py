@@ -230,7 +230,7 @@ def measure_outfit(
     dressed: DressedBody,
     solver: ClothSolver,
     *,
-    settings: SimulationSettings,
+    settings: SimulationSettings | Attempt,
     number: int = 0,
     bounds: HealthBounds | None = None,
 ) -> dict[str, Any]:
@@ -240,6 +240,7 @@ def measure_outfit(
     that intersects itself there is no attempt, and only the last is written.
 
     Args:
+        settings: from which the attempt is planned, or those of an attempt itself.
         number: 0 for the first attempt, see `plan_attempt`.
         bounds: those that nothing to come can bring the sample back into end the attempt.
 
@@ -257,8 +258,10 @@ def measure_outfit(
     # On several threads some processors' matrix products, as of the body, round differently.
     with threadpool_limits(1, user_api="blas"), atomic_folder(output_dir) as folder:
         if motion.outcome != "rejected":
-            counts = [len(g.vertices) for g in garments]
-            attempt = plan_attempt(number, settings, counts, motion.poses)
+            attempt = settings
+            if isinstance(attempt, SimulationSettings):
+                counts = [len(g.vertices) for g in garments]
+                attempt = plan_attempt(number, attempt, counts, motion.poses)
             record["attempt"] = _attempt(folder, dressed, solver, attempt, bounds)
         write_json(folder / "attempt.json", record)
     return record

@@ -126,6 +126,10 @@ def test_a_measure_of_all_garments_together_has_one_row_without_an_interval():
 
 def test_nothing_measured_has_no_rows():
     assert len(summarised([], [], [])) == 0
+    nothing = summarise(
+        [], model="svae", variant="a", split="test", seed=0, of_all={"active_units": 0}
+    )
+    assert len(nothing) == 0
 
 
 def test_samples_of_several_solvers_have_rows_of_their_own_besides_those_of_all():

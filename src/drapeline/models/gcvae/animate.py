@@ -86,6 +86,9 @@ def animate_outfits(job: Job) -> None:
                 settle=params.settle,
             )
             meshes = {kind: one.mesh for kind, one in drawn.items()}
+            if empty := [kind for kind, mesh in meshes.items() if not len(mesh.faces)]:
+                LOGGER.warning("%s: a code of %s decodes to nothing", plan.sample, empty[0])
+                continue
             hung = hang_at_rest(meshes, body, plan.gender, record.shape, draper)
             moved = {}
             for name in params.movers:
@@ -97,10 +100,15 @@ def animate_outfits(job: Job) -> None:
                         movers[name],
                         static,
                         {
-                            kind: WornSheet(hung[kind].posed, one.offsets, one.mask)
+                            kind: WornSheet(
+                                hung[kind].rest,
+                                hung[kind].posed,
+                                one.offsets,
+                                one.mask,
+                                one.request.cvar,
+                            )
                             for kind, one in drawn.items()
                         },
-                        next(iter(drawn.values())).request.cvar,
                         body,
                         record,
                         settle=params.settle,

@@ -5,7 +5,7 @@ falls. What a simulation misses of itself, no prediction from poses can be expec
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
@@ -28,9 +28,8 @@ from drapeline.outfits.outfit import Outfit, load_outfit
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
-from drapeline.simulation.settings import SimulationSettings
 from drapeline.simulation.simulate import DressedBody, measure_outfit
-from drapeline.simulation.solver import ClothSolver
+from drapeline.simulation.solver import Attempt, ClothSolver
 
 # Variants of the truth: by the solver that the sample is of, and by another one.
 REST_SHAPE, OTHER_SOLVER = "again_rest_shape", "again_other_solver"
@@ -66,9 +65,7 @@ def simulate_again(
     Args:
         attempt: that the sample was accepted with, as its record has it.
     """
-    kept = {key: attempt[key] for key in SimulationSettings.model_fields if key in attempt}
-    steps = {"steps_min": attempt["steps"], "steps_max": attempt["steps"]}
-    settings = SimulationSettings(**kept, **steps)
+    settings = Attempt(**{field.name: attempt[field.name] for field in fields(Attempt)})
     with TemporaryDirectory() as name:
         folder = Path(name) / "again"
         record = measure_outfit(folder, dressed, solver, settings=settings)

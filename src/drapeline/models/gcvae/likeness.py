@@ -10,6 +10,7 @@ from drapeline.generation.moving_sheets import SolverDraper, job_draper
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.job import Job
 from drapeline.learning_data.static import StaticData
+from drapeline.learning_data.training_rows import rows_like
 from drapeline.metrics.garment import garment_mesh
 from drapeline.metrics.likeness import Variety, cloth_measures, variety
 from drapeline.models.gcvae.data import BodyTemplate
@@ -47,14 +48,14 @@ _TITLES = {
 
 
 def compare_with_real(job: Job) -> None:
-    """Sampled garments beside real ones of as many wearers, as a table and a page."""
+    """Sampled garments beside at most as many real ones of each type, as a table and a page."""
     given, params = job.input, job.params
     samples, data = load_samples(given.samples), StaticData(given.data)
-    varied = _varieties(samples, data, given.model, params.seed)
+    varied = _varieties(samples, data, given.model, params.split, params.seed)
     template = load_codec(Path(given.model) / BEST).body_template
     held_out = data.rows(params.split)
-    rng = rng_for(params.seed, "real garments")
-    chosen = rng.permutation(held_out)[: len(samples)]
+    drawn = [GARMENTS.index(sample.garment) for sample in samples]
+    chosen = held_out[rows_like(data.garment[held_out], drawn)]
     registered = [
         _worn(template, data, row, template.rest_body(data.cvar(np.array([row]))[0]))
         for row in chosen
@@ -106,7 +107,7 @@ def _worn(template: BodyTemplate, data: StaticData, row: int, body: np.ndarray) 
 
 
 def _varieties(
-    samples: Sequence[SavedSample], data: StaticData, folder: str, seed: int
+    samples: Sequence[SavedSample], data: StaticData, folder: str, split: str, seed: int
 ) -> dict[str, Variety]:
     """Of sampled garments, and of as many real ones in their place."""
     model, types = load_codec(Path(folder) / BEST), load_types(folder)
@@ -129,7 +130,7 @@ def _varieties(
     for garment, made in sets["sampled"].items():
         of_type = data.garment == GARMENTS.index(garment)
         others = rng.permutation(data.rows("train")[of_type[data.rows("train")]])
-        held = np.flatnonzero(of_type & (data.split != "train"))[:_HELD_OUT_MAX]
+        held = np.flatnonzero(of_type & (data.split == split))[:_HELD_OUT_MAX]
         parts = {
             "held_out": held,
             "near": others[: len(made)],

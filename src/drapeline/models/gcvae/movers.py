@@ -43,12 +43,14 @@ _OVER_M = 2 * GAP_M  # between layers, whose faces cut corners
 
 
 class WornSheet(NamedTuple):
-    """A garment as it hangs on its wearer at rest, and what it is registered as."""
+    """A garment on its wearer at rest, and what it is registered as."""
 
-    sheet: Mesh  # triangles, root-relative metres
+    rest: Mesh  # triangles as they are put on, root-relative metres
+    sheet: Mesh  # the same as they hang
     # offsets, mask: (V, 3) metres and (V,) bool, of the vertices of the body's topology.
     offsets: np.ndarray
     mask: np.ndarray
+    cvar: np.ndarray  # (13,) static conditions
 
 
 def load_mover(folder: str | Path) -> GarmentCodec:
@@ -100,7 +102,6 @@ def move_by_model(
     model: GarmentCodec,
     static: GarmentCodec,
     worn: Mapping[str, WornSheet],
-    cvar: np.ndarray,
     body: BodyModel,
     record: BodySequence,
     *,
@@ -112,7 +113,6 @@ def move_by_model(
         model: see `load_mover`.
         static: the model of garments at rest whose codes it was trained with.
         worn: garment type -> what hangs on the wearer, from the innermost to the outermost.
-        cvar: (13,) static conditions.
         body: the whole body, of the wearer's gender.
         record: the wearer in motion.
         settle: whether garments are then smoothed and pushed out of the body and of what is worn
@@ -121,7 +121,8 @@ def move_by_model(
     Raises:
         InputError: the codes are of another size than those of the training.
     """
-    history = (len(model.body_template.cvar_mean) - len(cvar) - static.latent) / _POSE
+    conditions = {len(one.cvar) for one in worn.values()}.pop()
+    history = (len(model.body_template.cvar_mean) - conditions - static.latent) / _POSE
     if history not in (1, 2, 3, 4):
         raise InputError(
             f"a model of garments at rest with codes of {static.latent} numbers, expected the one"
@@ -131,15 +132,13 @@ def move_by_model(
     motions = rest_to_pose(body, record.shape, record.poses)
     bodies = body_sequence_vertices(body, record)
     moved: dict[str, SimulatedSheet] = {}
-    for (name, one), code in zip(worn.items(), _codes(static, worn, cvar), strict=True):
-        conditions = np.concatenate([cvar, code])[None].repeat(len(poses), 0)
-        conditions = np.concatenate(
-            [conditions[:, : len(cvar)], poses, conditions[:, len(cvar) :]], axis=1
-        )
+    for (name, one), code in zip(worn.items(), _codes(static, worn), strict=True):
+        before, after = (part[None].repeat(len(poses), 0) for part in (one.cvar, code))
+        cvar = np.concatenate([before, poses, after], axis=1)
         wrinkles = np.zeros((len(poses), model.latent), dtype=np.float32)
         topology = topology_codes(np.full(len(poses), GARMENTS.index(name)))
-        fields = (offsets for offsets, _ in decode_codes(model, wrinkles, conditions, topology))
-        corners, shares = _places(one, static.body_template.rest_body(cvar), static, name)
+        fields = (offsets for offsets, _ in decode_codes(model, wrinkles, cvar, topology))
+        corners, shares = _places(one, static.body_template.rest_body(one.cvar), static, name)
         change = np.stack([np.einsum("mki,mk->mi", field[corners], shares) for field in fields])
         weights = _weights(one.sheet, body, record.shape)
         points = skin_points(one.sheet.vertices + change, motions, weights).astype(np.float32)
@@ -147,7 +146,7 @@ def move_by_model(
             points = _pushed_out(points, one.sheet.faces, bodies, body.faces)
             points = _over(points, one.sheet.faces, list(moved.values()))
         frames = [Mesh(places, one.sheet.faces) for places in points]
-        moved[name] = SimulatedSheet(one.sheet, frames)
+        moved[name] = SimulatedSheet(one.rest, frames)
     return moved
 
 
@@ -157,13 +156,13 @@ def _histories(poses: np.ndarray, count: int) -> np.ndarray:
     return poses[np.maximum(back, 0)].reshape(len(poses), -1).astype(np.float32)
 
 
-def _codes(static: GarmentCodec, worn: Mapping[str, WornSheet], cvar: np.ndarray) -> np.ndarray:
+def _codes(static: GarmentCodec, worn: Mapping[str, WornSheet]) -> np.ndarray:
     """(G, Z) codes of garments at rest."""
     index = np.array([GARMENTS.index(name) for name in worn])
     batch = {
         "offsets": np.stack([one.offsets for one in worn.values()]).astype(np.float32),
         "mask": np.stack([one.mask for one in worn.values()]),
-        "cvar": cvar[None].repeat(len(worn), 0),
+        "cvar": np.stack([one.cvar for one in worn.values()]),
         "topology": topology_codes(index),
     }
     return static.encode(

@@ -91,7 +91,7 @@ class _GcvaeTasks:
             f"{_HERE}.train:train_svae_conditioning",
             {"data": self.files.static},
             self._conditioning("svae"),
-            seconds=6 * self.files.static_size,
+            seconds=6 * self.files.static_size + self._conditioning_seconds,
             megabytes=2000,
             checks=[self.files.resting_in("train", "val")],
         )
@@ -101,10 +101,14 @@ class _GcvaeTasks:
             f"{_HERE}.train:train_dvae_conditioning",
             {"data": self.files.dynamic(version), "static": self.static},
             {**self._conditioning("dvae"), "frames": frames},
-            seconds=10 * self.files.moving_size,
+            seconds=10 * self.files.moving_size + self._conditioning_seconds,
             megabytes=2000,
             checks=[self.files.moving_in("train", "val")],
         )
+
+    @property
+    def _conditioning_seconds(self) -> float:
+        return 0.005 * self.settings["conditioning"]["steps"]
 
     def _vae(self, model: str, run: str, told: Mapping[str, Any], **given: Any) -> Task:
         """A training of the paper's svae or dvae, in one of its variants."""
@@ -415,7 +419,13 @@ class _GcvaeTasks:
         """
         asked, config = self.settings["animation"], self.files.config
         moving = self.files.moving_plans.values()
-        clips = {name: clip for group in self.files.moving for name, clip in group.clips.items()}
+        moved = {plan.sequence for plan in moving}
+        clips = {
+            name: clip
+            for group in self.files.moving
+            for name, clip in group.clips.items()
+            if name in moved
+        }
         chosen = asked["clip"] or next(
             (
                 plan.sequence

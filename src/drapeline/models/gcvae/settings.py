@@ -11,7 +11,11 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae": {},
     "svae_no_normals": {"loss": {"normals": 0.0}},
     # Without a mask the network must learn every vertex, garment or not.
-    "svae_no_mask": {"loss": {"offsets_within": "all"}, "training": {"mask": False}},
+    "svae_no_mask": {
+        "network": {"masked_input": False},
+        "loss": {"offsets_within": "all"},
+        "training": {"mask": False},
+    },
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
     # Without one of what ours has and the paper's has not.
@@ -39,6 +43,7 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
             "mask_form": "l1",
             "condition": 1.0,
             "kl_max": 0.25,
+            "kl_selection": 0.1,
         },
     },
 }
@@ -207,6 +212,15 @@ class GcvaeLoss(Settings):
         description="Increase of the weight per hundredth of training after that part.",
     )
     kl_max: float = Field(0.002, ge=0, le=1000, description="Largest weight.")
+    kl_selection: float = Field(
+        0.002,
+        ge=0,
+        le=1000,
+        description=(
+            "Weight of the KL divergence beside the offsets' error by which the best epoch is "
+            "chosen; with the 0.1 of the paper, codes that hold much are never the best."
+        ),
+    )
     mask_form: Literal["l1", "bce"] = Field(
         "bce", description="Loss on the probabilities of the mask."
     )
@@ -231,8 +245,8 @@ class GcvaeTraining(StepTraining):
         ge=1,
         le=10_000_000,
         description=(
-            "Steps on one device, in whole passes over the training garments; schedules are "
-            "relative to this number."
+            "Steps that one device takes, in whole passes over the training garments, as many of "
+            "which several devices take together; schedules are relative to this number."
         ),
     )
     batch: int = Field(8, ge=1, le=4096, description="Garments per step, on each device.")

@@ -120,8 +120,9 @@ class StaticModel:
             shape: (10,) SMPL shape of all wearers, or None to draw uniformly from -3 to 3.
             tightness: (2,) of all garments, larger is tighter, or None to draw uniformly from -1.5
                 to 0.5.
-            settle: whether garments are smoothed and pushed out of the body in the end, which the
-                paper does not do; otherwise no vertex is moved.
+            settle: whether garments are mended in the end, which the paper does not do: small
+                holes filled, dents spanned, bumps and hems smoothed, and cloth pushed out of the
+                body; otherwise no vertex is moved.
 
         Raises:
             InputError: no training garment is of that type, the model has no mask, or a condition
@@ -206,8 +207,8 @@ class StaticModel:
             gender: of the wearers.
             shape: (10,) or (n, 10) of the wearers.
             tightness: (2,) or (n, 2).
-            settle: whether a garment's largest piece alone is kept, smoothed and pushed out of the
-                body; otherwise it is as decoded.
+            settle: whether a garment's largest piece alone is kept and mended, as `sample` does;
+                otherwise it is as decoded.
 
         Raises:
             InputError: codes have another length, the model has no mask, or a condition is no such
@@ -266,8 +267,8 @@ class StaticModel:
                 is out of bounds.
         """
         model = None if mover == SOLVER else load_mover(mover)
-        first, worn = _same_wearer(garments), {one.garment: one.mesh for one in garments}
-        worn = {name: worn[name] for name in layered(worn)}
+        first, given = _same_wearer(garments), {one.garment: one for one in garments}
+        worn = {name: given[name].mesh for name in layered(given)}
         if model is None:
             return simulate(
                 worn, motion, body, gender=first.gender, shape=first.shape, bounds=WORN.plain()
@@ -275,13 +276,15 @@ class StaticModel:
         wearing = wearer(body, first.gender)
         record = put_on(wearing, motion, first.gender, first.shape, [*worn], made_for_it=True)
         hung = hang_at_rest(worn, wearing, first.gender, first.shape, _draper(hang_frames))
-        cvar = Request(PRIOR, first.gender, first.shape, first.tightness).cvar
-        rest = self._codec.body_template.rest_body(cvar).astype(np.float64)
         sheets = {}
         for name, mesh in worn.items():
+            cvar = Request(name, first.gender, first.shape, given[name].tightness).cvar
+            rest = self._codec.body_template.rest_body(cvar).astype(np.float64)
             done = self._registrar.register(name, mesh.vertices, mesh.faces, rest)
-            sheets[name] = WornSheet(hung[name].posed, done.offsets, done.match.mask)
-        moved = move_by_model(model, self._codec, sheets, cvar, wearing, record, settle=settle)
+            sheets[name] = WornSheet(
+                hung[name].rest, hung[name].posed, done.offsets, done.match.mask, cvar
+            )
+        moved = move_by_model(model, self._codec, sheets, wearing, record, settle=settle)
         return SimulatedOutfit.of(moved, wearing, record)
 
     @cached_property

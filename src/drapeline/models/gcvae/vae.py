@@ -256,9 +256,9 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         return {key: total / count.clamp_min(1) for key, (total, count) in sums.items()}
 
     def validation_step(self, batch: Batch) -> None:
-        """Log `selection`, L_o + 0.1 KL, by which the best weights are chosen, and metrics.
+        """Log `selection`, by which the best weights are chosen, and metrics, at the mean code.
 
-        All of them at the mean code.
+        It is L_o and a share of the KL divergence, whose mean over z the paper weighs by 0.1.
         """
         parts = self.parts(batch)
         cvar, counts = conditions_of(parts)
@@ -267,7 +267,7 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
         nats = kl_nat(code.mean, code.log_variance).mean()
         offsets = self.garment_terms(parts, out, 0)["offsets"]
         values = {
-            "selection": offsets + 0.1 * nats / code.mean.shape[1],
+            "selection": offsets + self.settings.loss.kl_selection * nats / code.mean.shape[1],
             "offsets": offsets,
             "kl_nat": nats,
             **self._metrics(parts, out),

@@ -262,9 +262,9 @@ def fit(
     # Named after the settings, so that no process reads what another clears away.
     text = json.dumps(settings, sort_keys=True)
     under_way = Path(run.progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
-    engine = _trainer(under_way, monitor, run.trainer)
-    batches = len(data.loader("train", processes=engine.world_size, rank=engine.global_rank))
-    engine.fit_loop.max_epochs = module.settings.training.epochs_of(batches)
+    # As many passes on any number of devices, so that a training can be resumed on another one.
+    epochs = module.settings.training.epochs_of(len(data.loader("train")))
+    engine = _trainer(under_way, epochs, monitor, run.trainer)
     if engine.is_global_zero:
         begin(under_way, settings)
     resumed = newest_readable(under_way, module)
@@ -342,7 +342,7 @@ def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
     write_json(under_way / SETTINGS, settings)
 
 
-def _trainer(under_way: Path, monitor: str, options: Mapping[str, Any]) -> Trainer:
+def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]) -> Trainer:
     terminal = sys.stderr.isatty()
     # The last after the best, so that it knows which epoch was best so far when resumed.
     keepers = [
@@ -356,7 +356,7 @@ def _trainer(under_way: Path, monitor: str, options: Mapping[str, Any]) -> Train
         for name, value in ((BEST_STATE, monitor), (LAST_STATE, None))
     ]
     return Trainer(
-        max_epochs=1,  # `fit` says how many, once it is known how many devices there are
+        max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         # Slurm's job steps have one task each, and Lightning would take that for all processes.
         plugins=[_AtomicCheckpoints(), LightningEnvironment()],

@@ -44,7 +44,7 @@ class Logged(NamedTuple):
 
 
 class TrainableModule(torch.nn.Module, ABC):
-    """A module whose `settings.training` is a `Training`.
+    """A module whose `settings.training` is an `EpochTraining` or a `StepTraining`.
 
     Attributes:
         checkpoint_type: names the class in its checkpoints.

@@ -94,7 +94,7 @@ def test_a_masked_input_says_where_the_garment_ends(batch):
     assert not torch.allclose(*codes)
 
 
-def test_without_places_nodes_that_see_the_same_are_the_same():
+def test_without_places_a_level_does_not_look_at_them():
     model = without(places=False)
     graph = model.network.graphs["body"]
     x = torch.ones(VERTICES, 1, 7)

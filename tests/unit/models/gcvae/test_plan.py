@@ -51,6 +51,20 @@ def test_what_cannot_be_animated_is_refused_before_anything_runs(asked, sentence
         check(animated(**asked))
 
 
+def test_a_clip_that_no_sample_moves_through_is_refused():
+    groups = {**TINY["groups"], "dataset": {"count": 1}, "learning": {"count": 1}}
+    known = TINY["motions"]["sequences"]
+    idle = [clip for clip in known if clip not in _moved({**TINY, "groups": groups})]
+    gcvae = {**TINY.get("gcvae", {}), "animation": {"clip": idle[0]}}
+    plan = MODEL.plan(files_of({**TINY, "groups": groups, "gcvae": gcvae}))
+    with pytest.raises(InputError, match=f"gcvae.animation.clip: '{idle[0]}', expected one of"):
+        check(plan.samples["animated"])
+
+
+def _moved(config):
+    return {plan.sequence for plan in files_of(config).moving_plans.values()}
+
+
 def test_a_mover_that_there_is_not_is_refused():
     with pytest.raises(InputError, match="wind"):
         animated(movers=["wind"])

@@ -45,7 +45,7 @@ class Line(TrainableModule):
 
 
 class One:
-    def loader(self, split, *, processes, rank):
+    def loader(self, split, *, processes=1, rank=0):
         return torch.utils.data.DataLoader([0.0])
 
 
@@ -174,7 +174,7 @@ class Numbers(Line):
 
 
 class Batches:
-    def loader(self, split, *, processes, rank):
+    def loader(self, split, *, processes=1, rank=0):
         rows = torch.arange(5.0) if split == "train" else torch.zeros(1)
         return torch.utils.data.DataLoader(rows, batch_size=2)
 
@@ -217,7 +217,7 @@ if __name__ == "__main__":
     folder, garments = Path(sys.argv[1]), ToyGarments(47)
     devices = int(sys.argv[2])
     trainer = {"accelerator": "cpu", "devices": devices, "strategy": "ddp"}
-    settings = ConditioningSettings(condition=4, training={"steps": 4})
+    settings = ConditioningSettings(condition=4, training={"steps": 4 * devices})
     moments = cvar_statistics(garments.cvar(garments.rows("train")))
     with rule_log(str(folder / "log")):
         fit(
