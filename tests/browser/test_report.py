@@ -156,7 +156,7 @@ def test_the_front_page_shows_pictures_numbers_and_all_samples(report):
     names = set(report.evaluate("Object.values(results).map(r => r.labels.sample)")) - {None}
     assert samples.count() == len(names)
     assert front.locator(".shown img").count()
-    assert front.locator(".numbers dt").count() == 11
+    assert front.locator(".numbers dt").count() == 12
     for picture in front.locator("img").all():
         picture.evaluate("image => image.decode()")
     check_scrolls_to_its_ends(front)

@@ -78,7 +78,7 @@ _CODES, _INSIDE = (
 )
 _SHOWN = (
     *(*_ERRORS, "mask_iou", *_CODES),
-    *("predicted_to_true_mm", "true_to_predicted_mm", *_INSIDE, "pieces"),
+    *("predicted_to_true_mm", "true_to_predicted_mm", "inside_share", "pieces"),
 )
 _STATIC = (*variants("svae"), "static_ppca", "pca", "mean_garment", "nearest_cvar", "registered")
 _FLOOR = ("again_rest_shape", "again_other_solver")
