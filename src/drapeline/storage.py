@@ -750,6 +750,8 @@ def write_rows(
 ) -> None:
     """Write a tab-separated table; line breaks and tabs within a value become spaces.
 
+    Decimal numbers have six digits; NaN is left empty.
+
     Args:
         path: the `.tsv`.
         rows: column -> value; what a row lacks is empty.
@@ -761,4 +763,10 @@ def write_rows(
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(names)
         for row in rows:
-            writer.writerow([" ".join(str(row.get(name, "")).split()) for name in names])
+            writer.writerow([" ".join(_cell(row.get(name, "")).split()) for name in names])
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

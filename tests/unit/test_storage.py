@@ -647,3 +647,9 @@ def test_a_text_beyond_reason_is_refused(tmp_path):
     (tmp_path / "a.yaml").write_text("x" * 11)
     with pytest.raises(InputError, match="11 bytes, expected YAML of at most 10"):
         read_text(tmp_path / "a.yaml", "YAML", most_bytes=10)
+
+
+def test_decimal_numbers_of_rows_have_six_digits_and_what_is_none_is_empty(tmp_path):
+    path = tmp_path / "rows.tsv"
+    write_rows(path, [{"name": "a", "mm": 1 / 3, "n": 7}, {"name": "b", "mm": float("nan")}])
+    assert path.read_text() == "name\tmm\tn\na\t0.333333\t7\nb\t\t\n"

@@ -34,9 +34,16 @@ def cloth_measures(mesh: Mesh) -> dict[str, float]:
     names = ["self_crossings", *(_fold_name(s) for s in FOLD_SCALES_M), "hem_mm"]
     if not len(mesh.faces):
         return dict.fromkeys(names, float("nan"))
-    crossing, _ = Crossings([mesh.vertices], [mesh.faces]).find([mesh.vertices])
-    values = [float(crossing[0]), *_folds_mm(mesh), _hem_mm(mesh)]
+    values = [self_crossings(mesh), *_folds_mm(mesh), _hem_mm(mesh)]
     return dict(zip(names, values, strict=True))
+
+
+def self_crossings(mesh: Mesh) -> float:
+    """Number of edges that pass through the mesh's own triangles; NaN without faces."""
+    if not len(mesh.faces):
+        return float("nan")
+    crossing, _ = Crossings([mesh.vertices], [mesh.faces]).find([mesh.vertices])
+    return float(crossing[0])
 
 
 def _fold_name(scale_m: float) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -123,7 +122,7 @@ def animate_outfits(job: Job) -> None:
                 about = {"name": plan.sample, "outfit": plan.outfit_type, "gender": plan.gender}
                 about |= {"clip": plan.sub_sequence, "mover": name}
                 rows.append({**about, **measure(worn, moved.get(SOLVER))})
-        write_rows(scratch / TABLE, [_texts(row) for row in rows])
+        write_rows(scratch / TABLE, rows)
 
 
 def show_animated(job: Job) -> None:
@@ -209,7 +208,3 @@ def measure(worn: SimulatedOutfit, reference: SimulatedOutfit | None) -> dict[st
         ]
         found["from_solver_mm"] = 1e3 * float(np.concatenate(away).mean())
     return found
-
-
-def _texts(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: f"{v:.6g}" if isinstance(v, float) else v for key, v in row.items()}

@@ -50,6 +50,7 @@ from drapeline.models.gcvae.representation import (
     RegisteredOffsets,
     VaeCode,
 )
+from drapeline.models.gcvae.settings import SHORT_CODE
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.super_body import mirror_of
@@ -232,16 +233,16 @@ def evaluate_dynamic(job: Job) -> None:
 def compare_codes(job: Job) -> None:
     """Held-out garments as offsets, PCA and codes of the garment VAEs, PCA also in short codes."""
     given, params = job.input, job.params
-    data, count = StaticData(given.data), params.short_code
+    data = StaticData(given.data)
     codecs = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in given.models}
     template = next(iter(codecs.values())).body_template
     pca = fit_training_pca(data, template.mirror, components=params.components, seed=params.seed)
     components = {"body_pca": pca}
-    if count < len(pca.axes):
-        components[f"body_pca_{count}"] = pca.first(count)
+    if len(pca.axes) > SHORT_CODE:
+        components[f"body_pca_{SHORT_CODE}"] = pca.first(SHORT_CODE)
     for name, model in list(codecs.items()):
-        if isinstance(model, GarmentPpca) and count < model.latent:
-            codecs[f"{name}_{count}"] = model.first(count)
+        if isinstance(model, GarmentPpca) and model.latent > SHORT_CODE:
+            codecs[f"{name}_{SHORT_CODE}"] = model.first(SHORT_CODE)
     compare(
         job,
         [

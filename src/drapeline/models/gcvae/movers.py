@@ -121,7 +121,7 @@ def move_by_model(
     Raises:
         InputError: the codes are of another size than those of the training.
     """
-    conditions = {len(one.cvar) for one in worn.values()}.pop()
+    conditions = len(static.body_template.cvar_mean)
     history = (len(model.body_template.cvar_mean) - conditions - static.latent) / _POSE
     if history not in (1, 2, 3, 4):
         raise InputError(

@@ -98,13 +98,9 @@ class VertexLinear(nn.Module):
 
 
 @full_precision
-def _matrix_product(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+def _precise_linear(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+    """In 32 bits: rounded to 16, offsets of neighbours would differ by what a fold is."""
     return functional.linear(x, weight, bias)
-
-
-def _precisely(layer: nn.Linear, x: torch.Tensor) -> torch.Tensor:
-    """A layer in 32 bits: rounded to 16, offsets of neighbours would differ by what a fold is."""
-    return _matrix_product(x, layer.weight, layer.bias)
 
 
 class Encoder(nn.Module):
@@ -163,7 +159,8 @@ class Encoder(nn.Module):
         mean, log_variance = code.chunk(2, dim=1)
         if self.linear_path is not None:
             seen = [x[..., : self.garment].transpose(0, 1).flatten(1) for x in inputs.values()]
-            mean = mean + _precisely(self.linear_path, torch.cat(seen))
+            path = self.linear_path
+            mean = mean + _precise_linear(torch.cat(seen), path.weight, path.bias)
         return Code(mean, log_variance.clamp(*_LOG_VARIANCE_RANGE), condition)
 
     def pool(
@@ -248,7 +245,9 @@ class Decoder(nn.Module):
         if self.linear_path is None:
             return made
         (outputs,) = {x.shape[2] for x in made.values()}
-        straight = _precisely(self.linear_path, code).unflatten(1, (-1, outputs)).transpose(0, 1)
+        path = self.linear_path
+        rows = _precise_linear(code, path.weight, path.bias)
+        straight = rows.unflatten(1, (-1, outputs)).transpose(0, 1)
         return {
             name: x + part
             for (name, x), part in zip(

@@ -324,7 +324,6 @@ class _GcvaeTasks:
             },
             {
                 "components": self.settings["evaluation"]["pca_components"],
-                "short_code": self.settings["evaluation"]["short_code"],
                 "garments": self.files.compared_garments,
                 "split": EVALUATED_SPLITS[0],
                 "seed": self.seed,

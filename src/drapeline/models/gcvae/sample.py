@@ -31,7 +31,7 @@ from drapeline.geometry.smoothing import averaging_matrix, fairing, fill_dents
 from drapeline.job import Job
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
-from drapeline.metrics.likeness import cloth_measures
+from drapeline.metrics.likeness import cloth_measures, self_crossings
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
 from drapeline.models.gcvae.load import TrainingCodes, load_codec, load_training_codes
 from drapeline.models.training.module import BEST
@@ -384,7 +384,7 @@ def sample_table(
         before = shape_measures(sample.decoded, sample.body, body_faces)
         after = shape_measures(sample.mesh, sample.body, body_faces)
         looks = cloth_measures(hung.get(sample.name, sample.mesh))
-        crossed = cloth_measures(sample.decoded)["self_crossings"]
+        crossed = self_crossings(sample.decoded)
         rows.append(
             {
                 "name": sample.name,
@@ -451,10 +451,7 @@ def save_samples(
             z=np.stack([s.z for s in sampled]).astype(np.float32),
             cvar=np.stack([s.request.cvar for s in sampled]),
         )
-        texts = [
-            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
-        ]
-        write_rows(scratch / "samples.tsv", texts)
+        write_rows(scratch / "samples.tsv", rows)
     return rows
 
 

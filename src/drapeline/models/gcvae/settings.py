@@ -1,10 +1,26 @@
 """Settings and variants of the garment VAEs, of their conditioning and of the PCA beside them."""
 
+from collections import ChainMap
 from typing import Annotated, Any, Literal
 
 from drapeline.models.training.settings import StepTraining, Trainer
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, SkipJsonSchema
+
+# What ours has and the paper's network has not: variant without it -> setting -> value.
+_DEPARTURES: dict[str, dict[str, Any]] = {
+    "svae_no_linear_path": {"linear_path": False},
+    "svae_shared_moments": {"topology_moments": False},
+    "svae_unmasked_input": {"masked_input": False},
+    "svae_no_places": {"places": False},
+    "svae_shared_output": {"vertex_output": False},
+    "svae_unstandardised": {"standardise": False},
+    "svae_wide_start": {"log_variance": 0.0},
+}
+_PRINTED_LOSS = {
+    **{"normals": 70.0, "mask": 0.1, "mask_form": "l1", "condition": 1.0},
+    **{"kl_max": 0.25, "kl_selection": 0.1},
+}
 
 # Variant -> group -> setting -> value, which replace the experiment's settings of the full model.
 SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
@@ -18,33 +34,10 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     },
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
-    # Without one of what ours has and the paper's has not.
-    "svae_no_linear_path": {"network": {"linear_path": False}},
-    "svae_shared_moments": {"network": {"topology_moments": False}},
-    "svae_unmasked_input": {"network": {"masked_input": False}},
-    "svae_no_places": {"network": {"places": False}},
-    "svae_shared_output": {"network": {"vertex_output": False}},
-    "svae_unstandardised": {"network": {"standardise": False}},
-    "svae_wide_start": {"network": {"log_variance": 0.0}},
-    # Without all of them, and with the printed weights of the loss.
+    **{name: {"network": change} for name, change in _DEPARTURES.items()},
     "svae_as_printed": {
-        "network": {
-            "linear_path": False,
-            "topology_moments": False,
-            "masked_input": False,
-            "places": False,
-            "vertex_output": False,
-            "standardise": False,
-            "log_variance": 0.0,
-        },
-        "loss": {
-            "normals": 70.0,
-            "mask": 0.1,
-            "mask_form": "l1",
-            "condition": 1.0,
-            "kl_max": 0.25,
-            "kl_selection": 0.1,
-        },
+        "network": dict(ChainMap(*_DEPARTURES.values())),
+        "loss": _PRINTED_LOSS,
     },
 }
 
@@ -56,6 +49,9 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     for version in ("posed", "unposed")
     for frames in (1, 4)
 }
+
+# Numbers of the short codes of both PCAs: as many as SMPLicit's printed code has.
+SHORT_CODE = 18
 
 # Masked probabilistic PCA, which the networks are compared with.
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
@@ -340,15 +336,6 @@ class Evaluation(Settings):
         description=(
             "Test samples of each group that are simulated again, to tell how far a garment in "
             "motion is from itself; 0 leaves this out."
-        ),
-    )
-    short_code: int = Field(
-        18,
-        ge=1,
-        le=1024,
-        description=(
-            "Numbers of the short codes of PCA and masked PCA, which are compared with the codes "
-            "of other models; by default as many as SMPLicit's have."
         ),
     )
 

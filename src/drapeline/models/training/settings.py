@@ -1,5 +1,6 @@
 """Settings that all models have."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -14,9 +15,9 @@ class Training(Settings):
     schedule: str
     seed: SkipJsonSchema[int] = Field(0, description="Seed of weights, order and noise.")
 
+    @abstractmethod
     def epochs_of(self, batches: int) -> int:
         """Epochs to train for, given that one has so many batches."""
-        raise NotImplementedError
 
 
 class EpochTraining(Training):

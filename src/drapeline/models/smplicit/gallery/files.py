@@ -85,8 +85,7 @@ def save_gallery(
             (CORRELATIONS, correlation_rows(model.name, space)),
             (REGRESSIONS, regression_rows(model.name, space)),
         ):
-            texts = [{key: _text(value) for key, value in row.items()} for row in table]
-            write_rows(scratch / file, texts)
+            write_rows(scratch / file, table)
     return rows
 
 
@@ -185,13 +184,6 @@ def worn_prototype(
             " expected cloth to pose; the model may need longer training"
         )
     return name, z, sheet
-
-
-def _text(value: str | float) -> str:
-    """Numbers in short; nothing for NaN."""
-    if isinstance(value, float):
-        return "" if np.isnan(value) else f"{value:.6g}"
-    return str(value)
 
 
 def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: Meshing) -> Row:
