@@ -20,6 +20,7 @@ from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.generation.settings import BodySettings
+from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.moving_surface import MovingSheet
 from drapeline.models.gcvae.animate import draw_outfit
 from drapeline.models.gcvae.load import load_codec
@@ -114,10 +115,7 @@ def test_every_mover_moves_the_same_garments(animated):
             assert set(sample.garments) == set(row["outfit"].split("+"))
             assert len(sample) == FRAMES
             for name in sample.garments:
-                own, its = sample.mesh(name), other.mesh(name)
-                assert own.faces.tolist() == its.faces.tolist()
-                # The solver puts layers on once more, which takes apart what touches.
-                np.testing.assert_allclose(own.vertices, its.vertices, atol=0.01)
+                assert sample.mesh(name).faces.tolist() == other.mesh(name).faces.tolist()
                 assert np.isfinite(sample.vertices(name)).all()
 
 
@@ -213,8 +211,9 @@ def test_in_a_still_pose_no_change_is_what_hangs(given, toy_body):
     none = np.zeros(2)
     drawn = draw_outfit(static, types, plan, np.zeros(10), 0, none, none, settle=True)
     assert list(drawn) == ["Trousers", "Tshirt"]  # from the innermost to the outermost
+    put_on = {name: Mesh(one.mesh.vertices + 0.5, one.mesh.faces) for name, one in drawn.items()}
     worn = {
-        name: WornSheet(one.mesh, one.mesh, one.offsets, one.mask, one.request.cvar)
+        name: WornSheet(put_on[name], one.mesh, one.offsets, one.mask, one.request.cvar)
         for name, one in drawn.items()
     }
     poses = np.tile(REST_POSE, (FRAMES, 1))
@@ -224,6 +223,7 @@ def test_in_a_still_pose_no_change_is_what_hangs(given, toy_body):
     model = load_mover(given["ppca"])
     moved = move_by_model(model, static, worn, toy_body, record, settle=False)
     for name, sheet in moved.items():
+        assert sheet.rest is put_on[name]  # and not what hangs, which is stretched
         assert len(sheet.frames) == FRAMES
         for frame in sheet.frames:
             np.testing.assert_allclose(frame.vertices, drawn[name].mesh.vertices, atol=1e-5)
