@@ -37,6 +37,7 @@ FRAME_COUNTS.remember()
 onstart:
     check_cluster()
     remove_scraps()
+    tell_left_out()
 
 
 report: "workflow/report/workflow.rst"

@@ -15,7 +15,7 @@ from drapeline.experiment.files import ExperimentFiles
 from drapeline.experiment.groups import plan_groups
 from drapeline.frames import GENDERS
 from drapeline.models.registry import Model, models
-from drapeline.motions.table import FrameCounts
+from drapeline.motions.table import FrameCounts, MotionTable
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/reference/rules.md"
@@ -61,7 +61,7 @@ def tasks_of(model: Model) -> list[str]:
         yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
         "config.yaml",
     )
-    clips = str(ROOT / "workflow/resources/motions/clips.tsv")
+    clips = MotionTable(ROOT / "workflow/resources/motions/clips.tsv")
     groups = plan_groups(settings, clips, FrameCounts())
     bodies = {gender: f"resources/body/{gender}.npz" for gender in GENDERS}
     plan = model.plan(ExperimentFiles(settings, groups, bodies, hanging_solver=""))

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.manifest import check_sum
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import save_motion
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
+    for name, expected in snakemake.params.sums.items():
+        check_sum(snakemake.input[name], expected)
     motion = import_motion(
         snakemake.input.motion,
         joint_map=snakemake.input.get("joint_map"),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from drapeline.errors import DamagedFile
+from drapeline.errors import DamagedFile, InputError
 from drapeline.storage import atomic_file, read_text
 
 MANIFEST = "manifest.tsv"
@@ -29,6 +29,17 @@ def sum_file(path: str | Path) -> FileSum:
             digest.update(chunk)
             size += len(chunk)
     return FileSum(size, digest.hexdigest())
+
+
+def check_sum(path: str | Path, expected: str) -> None:
+    """Refuse a file whose SHA-256 sum is another one.
+
+    Raises:
+        InputError: it is.
+    """
+    found = sum_file(path).sha256
+    if found != expected:
+        raise InputError(f"{path}: has the SHA-256 sum {found}, expected {expected}")
 
 
 def write_manifest(

@@ -93,7 +93,7 @@ from drapeline.models.training.module import BEST
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import Cycle, save_motion
-from drapeline.motions.table import motion_table
+from drapeline.motions.table import MotionTable
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import load_outfit
 from drapeline.outfits.settings import own_garments
@@ -797,7 +797,7 @@ def _loaders() -> Iterator[Loader]:
     yield Loader(
         "motion_table",
         _make_motion_table,
-        lambda f: motion_table(f / "clips.tsv", loop_frames=60),
+        lambda f: MotionTable(f / "clips.tsv").entries(loop_frames=60),
         "clips.tsv",
     )
     yield Loader(

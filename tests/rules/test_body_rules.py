@@ -1,5 +1,6 @@
 """The rules that make bodies move."""
 
+import hashlib
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -48,7 +49,10 @@ def test_import_motion_reads_a_clip_and_labels_it(run_rule, motion_file, tmp_pat
         "import_motion",
         input={"motion": motion_file},
         output=[output],
-        params={"motion": {"frames": None, "action": "dance", "subject": "", "sequence": "mine"}},
+        params={
+            "motion": {"frames": None, "action": "dance", "subject": "", "sequence": "mine"},
+            "sums": {"motion": hashlib.sha256(motion_file.read_bytes()).hexdigest()},
+        },
     )
     motion = load_motion(output)
     assert (motion.action, motion.subject, motion.sequence) == ("dance", "nobody", "mine")
@@ -68,7 +72,27 @@ def test_import_motion_refuses_nan_in_one_sentence_and_writes_nothing(
             "import_motion",
             input={"motion": tmp_path / "nan.npz"},
             output=[output],
-            params={"motion": {"frames": None, "action": "", "subject": "", "sequence": ""}},
+            params={
+                "motion": {"frames": None, "action": "", "subject": "", "sequence": ""},
+                "sums": {},
+            },
+        )
+    assert not output.exists()
+
+
+def test_import_motion_refuses_another_recording_than_the_table_names(
+    run_rule, motion_file, tmp_path
+):
+    output = tmp_path / "out.npz"
+    with pytest.raises(SystemExit, match=r"has the SHA-256 sum [0-9a-f]{64}, expected 0{64}"):
+        run_rule(
+            "import_motion",
+            input={"motion": motion_file},
+            output=[output],
+            params={
+                "motion": {"frames": None, "action": "", "subject": "", "sequence": ""},
+                "sums": {"motion": "0" * 64},
+            },
         )
     assert not output.exists()
 

@@ -6,7 +6,7 @@ from drapeline.experiment.config import fill_settings
 from drapeline.experiment.files import ExperimentFiles
 from drapeline.experiment.groups import plan_groups
 from drapeline.frames import GENDERS
-from drapeline.motions.table import FrameCounts
+from drapeline.motions.table import FrameCounts, MotionTable
 from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT
 
@@ -15,9 +15,8 @@ def files_of(config="tests/data/tiny.yaml"):
     """Files of an experiment, by the path of its config or by what that holds."""
     given = config if isinstance(config, dict) else yaml.safe_load((ROOT / config).read_text())
     settings = fill_settings(given, SCHEMA, "config")
-    groups = plan_groups(
-        settings, str(ROOT / "workflow/resources/motions/clips.tsv"), FrameCounts()
-    )
+    clips = MotionTable(ROOT / "workflow/resources/motions/clips.tsv")
+    groups = plan_groups(settings, clips, FrameCounts())
     bodies = {gender: f"{gender}.npz" for gender in GENDERS}
     return ExperimentFiles(settings, groups, bodies, "drapeline.xpbd.solver")
 

@@ -72,6 +72,7 @@ rule import_motion:
         runtime=10,
     params:
         motion=motion_parameters,
+        sums=motion_sums,
         code=source_hash("import_motion"),
     script:
         "../../scripts/import_motion.py"

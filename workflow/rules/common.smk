@@ -29,7 +29,7 @@ from drapeline.experiment.source_digest import Sources
 from drapeline.experiment.targets import explain_target
 from drapeline.frames import GENDERS
 from drapeline.models.registry import models
-from drapeline.motions.table import FrameCounts
+from drapeline.motions.table import FrameCounts, MotionTable
 from drapeline.preflight import find_slurm_problem, slurm_config
 from drapeline.storage import sweep
 
@@ -48,12 +48,12 @@ try:
     config.update(fill_settings(config, SCHEMA, CONFIG_FILES))
     refuse_contradictions(config)
     FRAME_COUNTS = FrameCounts(".snakemake/drapeline/frames.json")
-    GROUPS = plan_groups(
-        config,
+    MOTION_TABLE = MotionTable(
         config["motions"]["table"]
         or os.path.relpath(ROOT / "workflow/resources/motions/clips.tsv"),
-        FRAME_COUNTS,
+        config["motions"]["folder"],
     )
+    GROUPS = plan_groups(config, MOTION_TABLE, FRAME_COUNTS)
 except (InputError, OSError) as error:
     raise WorkflowError(str(error)) from None
 
@@ -84,6 +84,15 @@ def remove_scraps():
     for folder in (RESULTS, "resources/body", ".snakemake/drapeline"):
         for scrap in sweep(folder):
             logger.info(f"Removed {scrap}, which a killed job was writing.")
+
+
+def tell_left_out():
+    """Say which motions the experiment goes without."""
+    if missing := MOTION_TABLE.left_out:
+        logger.warning(
+            f"{MOTION_TABLE.path}: goes without {', '.join(missing)}, whose files are not there;"
+            " motions.folder may name the folder that they are in."
+        )
 
 
 def check_cluster():

@@ -145,6 +145,11 @@ def motion_parameters(wildcards):
     return {**clip_entry(wildcards).parameters(), "lock_feet": lock_feet}
 
 
+def motion_sums(wildcards):
+    """Params function: SHA-256 sums that files must have, where the table has some."""
+    return clip_entry(wildcards).sums
+
+
 def shard_motions(wildcards):
     """Input function: the clips that the samples of a shard are pieces of."""
     return list(map(FILES.motion, GROUPS[wildcards.group].clips_of(wildcards.shard)))

@@ -18,6 +18,7 @@ from drapeline.experiment.groups import plan_groups
 from drapeline.experiment.old_keys import refuse_old_keys
 from drapeline.experiment.settings import experiment_with
 from drapeline.models.registry import models
+from drapeline.motions.table import MotionTable
 from drapeline.storage import read_text
 
 _MOST_BYTES = 1_000_000
@@ -53,7 +54,10 @@ def run(args: argparse.Namespace) -> int:
     if not Path(table).is_file():
         print(f"{table} is not here, so samples were not planned")
         return 0
-    for name, group in plan_groups(filled, str(table)).items():
+    motions = MotionTable(table, filled["motions"]["folder"])
+    if motions.left_out:
+        print(f"{table}: goes without {', '.join(motions.left_out)}, whose files are not here")
+    for name, group in plan_groups(filled, motions).items():
         splits = [plan.split for plan in group.plans]
         parts = ", ".join(f"{splits.count(split)} {split}" for split in dict.fromkeys(splits))
         print(f"{name}: {len(group.plans)} samples ({parts})")

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from drapeline.dataset.record import SPLITS
 from drapeline.errors import InputError
 from drapeline.experiment.plan import Wardrobe, cut_pieces, plan_at_rest, plan_moving, split_clips
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.motions.table import FrameCounts, MotionEntry, motion_table
+from drapeline.motions.table import FrameCounts, MotionEntry, MotionTable
 
 # In place of a solver's name: garments at rest on bodies at rest, which nothing moves.
 AT_REST = "none"
@@ -52,11 +53,12 @@ def make_shards(plans: Sequence[SamplePlan], size: int) -> dict[str, list[Sample
 
 
 def plan_groups(
-    settings: Mapping[str, Any], table: str, counts: FrameCounts | None = None
+    settings: Mapping[str, Any], table: MotionTable, counts: FrameCounts | None = None
 ) -> dict[str, PlannedGroup]:
     """Plan every group of an experiment that has samples.
 
-    A clip has one split in all groups: what a group decides holds for those after it.
+    A clip has one split in all groups: that of the table, or else what the first group that uses
+    it decides.
 
     Args:
         settings: the whole experiment, defaults filled in.
@@ -65,7 +67,13 @@ def plan_groups(
         InputError: a setting of a group contradicts another one, or its clips.
     """
     groups: dict[str, PlannedGroup] = {}
-    splits: dict[str, str] = {}
+    splits = dict(table.splits)
+    for clip, split in splits.items():
+        if split not in SPLITS:
+            raise InputError(
+                f"{table.path}: '{clip}' has split '{split:.100}', expected one of"
+                f" {', '.join(SPLITS)}"
+            )
     for name, own in settings["groups"].items():
         if own["count"] != 0:
             groups[name], own_splits = _plan(name, settings, splits, table, counts)
@@ -78,7 +86,7 @@ def _plan(
     name: str,
     settings: Mapping[str, Any],
     known: Mapping[str, str],
-    table: str,
+    table: MotionTable,
     counts: FrameCounts | None,
 ) -> tuple[PlannedGroup, dict[str, str]]:
     """A group, and the splits of its clips."""
@@ -99,8 +107,8 @@ def _plan(
     if solver == AT_REST:
         plans = plan_at_rest(own["count"], prefix, shares, wardrobe)
     else:
-        clips = motion_table(
-            table, motions["sequences"], loop_frames=motions["loop_frames"], counts=counts
+        clips = table.entries(
+            motions["sequences"], loop_frames=motions["loop_frames"], counts=counts
         )
         frames_of = {clip: entry.frames for clip, entry in clips.items()}
         pieces = cut_pieces(settings["seed"], frames_of, motions)

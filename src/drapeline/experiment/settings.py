@@ -57,6 +57,13 @@ class Motions(Settings):
             "that come with drapeline."
         ),
     )
+    folder: Annotated[str, Field(min_length=1)] | None = Field(
+        None,
+        description=(
+            "Where the files of the table are that do not lie beside it; without a folder, clips "
+            "that the table calls optional may be missing."
+        ),
+    )
     sequences: Annotated[tuple[_Sequence, ...], EachOnce()] = Field(
         (), description="Sequences of the table to use, in this order; an empty list means all."
     )
@@ -189,7 +196,7 @@ def _overrides(place: str, common: type[Settings], *but: str) -> Any:
     return create_model(f"Own{common.__name__}", __base__=Overrides, __doc__=about, **fields)
 
 
-OwnMotions = _overrides("motions", Motions, "table", "lock_feet")
+OwnMotions = _overrides("motions", Motions, "table", "folder", "lock_feet")
 OwnOutfits = _overrides("outfits", Outfits)
 OwnSimulation = _overrides("simulation.settings", SimulationSettings)
 

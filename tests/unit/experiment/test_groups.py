@@ -7,10 +7,11 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.groups import plan_groups
+from drapeline.motions.table import MotionTable
 from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[3]
-CLIPS = str(ROOT / "workflow/resources/motions/clips.tsv")
+CLIPS = MotionTable(ROOT / "workflow/resources/motions/clips.tsv")
 SHORT = {"loop_frames": 60, "frames": 30, "frames_min": 30}
 
 
@@ -88,3 +89,19 @@ def test_a_group_whose_name_ends_in_a_digit_has_ids_that_can_be_read():
     assert groups["mine2"].plans[0].sample == "mine2_00001"
     with pytest.raises(InputError, match="prefix is 'mine2', expected"):
         planned({"mine": {"count": 3, "prefix": "mine2"}})
+
+
+def test_a_table_of_motions_may_assign_splits(tmp_path):
+    clips = (("walk", "test"), ("spin", ""), ("jump", "val"), ("kick", "train"))
+    rows = [f"{name}\t{CLIPS.path.parent / name}.npz\t{split}" for name, split in clips]
+    table = tmp_path / "clips.tsv"
+    table.write_text("\n".join(["name\tfile\tsplit", *rows]) + "\n")
+    settings = fill_settings({"groups": {"dataset": {"count": 8}}}, SCHEMA, "mine.yaml")
+    plans = plan_groups(settings, MotionTable(table))["dataset"].plans
+    split_of = {plan.sequence: plan.split for plan in plans}
+    assert {name: split_of[name] for name, split in clips if split} == {
+        name: split for name, split in clips if split
+    }
+    table.write_text(table.read_text().replace("val", "check"))
+    with pytest.raises(InputError, match="'jump' has split 'check', expected one of train, val"):
+        plan_groups(settings, MotionTable(table))
