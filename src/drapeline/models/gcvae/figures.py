@@ -55,6 +55,7 @@ from drapeline.report.models.scene import GarmentPicture, plot_views
 from drapeline.seeding import rng_for
 
 _MEAN_FRAMES = 64  # whose mean wrinkle code stands for that of a type
+_WRINKLE_BANDWIDTH = 0.4  # in deviations of the frames of a type
 
 
 def static_cases(
@@ -216,14 +217,15 @@ def _wrinkle_codes(
 ) -> np.ndarray:
     """(count, Z) codes near those of training frames of a type, or of any if it has none.
 
-    A smoothed bootstrap, as for garments at rest, since the prior mixes the wrinkles of all types.
+    A smoothed bootstrap, since the prior mixes the wrinkles of all types.
     """
     data, rows = garments.data, garments.rows("train")
     of_type = rows[data.garment[data.garment_index[rows]] == GARMENTS.index(name)]
     chosen = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
     codes = encode_garments(model, garments, chosen).mean
     mean = codes.mean(axis=0)
-    return smooth_bootstrap(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
+    near, noise = codes[:count] - mean, codes[count : 2 * count] - mean
+    return smooth_bootstrap(mean, near, noise, _WRINKLE_BANDWIDTH)
 
 
 def _wearer(body: BodyModel, shape: np.ndarray, pose: np.ndarray) -> Mesh:

@@ -58,6 +58,7 @@ class TrainingCodes(NamedTuple):
 
     codes: Codes  # of n garments
     garment: np.ndarray  # (n,) their types, indices into `GARMENTS`
+    cvar: np.ndarray  # (n, C) their conditions
     mask_rate: np.ndarray  # (K, V) share of each type's garments that cover a vertex
 
 
@@ -81,6 +82,7 @@ def save_static_files(
         mean=codes.mean,
         log_variance=codes.log_variance,
         garment=garment[rows],
+        cvar=garments.cvar(rows),
         mask_rate=mask_rates(garment, garments.mask, rows),
     )
     save_topology(folder / TOPOLOGY, topology)
@@ -104,6 +106,7 @@ def mask_rates(garment: np.ndarray, mask: np.ndarray, rows: np.ndarray) -> np.nd
 _CODES = {
     **dict.fromkeys(("mean", "log_variance"), "float n z"),
     "garment": f"int<{len(GARMENTS)} n",
+    "cvar": "float n *",
     "mask_rate": f"float {len(GARMENTS)} *",
 }
 
@@ -116,7 +119,7 @@ def load_training_codes(folder: str | Path) -> TrainingCodes:
     """
     arrays = load_npz(Path(folder) / TRAINING_CODES, _CODES)
     codes = Codes(arrays["mean"], arrays["log_variance"])
-    return TrainingCodes(codes, arrays["garment"], arrays["mask_rate"])
+    return TrainingCodes(codes, *(arrays[key] for key in ("garment", "cvar", "mask_rate")))
 
 
 def load_dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> DynamicGarments:

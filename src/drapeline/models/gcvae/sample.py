@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+from scipy.special import logsumexp
 
 from drapeline.bodies.model import BodyModel, load_bodies, posed_vertices
 from drapeline.bodies.rest_body import signed_tightness
@@ -43,7 +45,10 @@ from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
 _SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
 
-_BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+_RIDGE = 30.0  # penalty of the regression of codes on conditions, counted in garments
+_NEVER_VARIES = 1e-9
+_LEAST_SHARE = 0.1  # of a garment that a regression without it leaves
+_BANDWIDTHS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 # What mends a decoded garment: strength of `fairing`, and waves and passes of `fill_dents`.
 _FAIRING, _DENT_M, _DENT_PASSES = 50.0, 0.35, 3
@@ -54,18 +59,25 @@ _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not 
 
 @dataclass(frozen=True)
 class GarmentTypes:
-    """Statistics of the training garments of each of K types, in the order of `GARMENTS`."""
+    """What the training garments of each of K types say of a code: p(z | type, conditions)."""
 
     share: np.ndarray  # (K,) of the training garments, 0 for a type that none of them has
     mean: np.ndarray  # (K, Z) of the codes
-    factor: np.ndarray  # (Z, Z) lower Cholesky factor of the codes' covariance within a type
-    # codes, garment: (n, Z) and (n,) of the training garments, indices into `GARMENTS`.
-    codes: np.ndarray
+    conditions: np.ndarray  # (K, C) mean conditions of a type
+    slope: np.ndarray  # (K, C, Z) of a ridge regression of codes on conditions, both from the means
+    factor: np.ndarray  # (Z, Z) lower Cholesky factor of what the regression leaves, in all types
+    bandwidth: float  # of the smoothed bootstrap, in deviations of what the regression leaves
+    # residual, garment: (n, Z) and (n,) of the training garments, indices into `GARMENTS`.
+    residual: np.ndarray
     garment: np.ndarray
     mask_rate: np.ndarray  # (K, V) share of the type's garments that cover a vertex
 
-    def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
-        """Draw a code (Z,) near that of one of a type's garments; their mean is the type's.
+    def expected(self, cvar: np.ndarray) -> np.ndarray:
+        """(K, Z) mean code of each type on conditions (C,)."""
+        return self.mean + np.einsum("kc,kcz->kz", cvar - self.conditions, self.slope)
+
+    def draw(self, rng: np.random.Generator, garment: str, cvar: np.ndarray) -> np.ndarray:
+        """Draw a code (Z,) for conditions (C,), by how garments of the type differ on theirs.
 
         Raises:
             InputError: no training garment is of that type.
@@ -74,49 +86,99 @@ class GarmentTypes:
         if not self.share[garment_index]:
             known = ", ".join(np.array(GARMENTS)[self.share > 0])
             raise InputError(f"no training garment is a {garment}, expected one of {known}")
-        mean = self.mean[garment_index]
-        near = self.codes[rng.choice(np.flatnonzero(self.garment == garment_index))] - mean
+        mean = self.expected(cvar)[garment_index]
+        near = self.residual[rng.choice(np.flatnonzero(self.garment == garment_index))]
         noise = self.factor @ rng.standard_normal(len(mean))
-        return smooth_bootstrap(mean, near, noise)
+        return smooth_bootstrap(mean, near, noise, self.bandwidth)
 
-    def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """(n, K) of each type, given codes (n, Z) and the masks (n, K, V) decoded for each type.
+    def log_likelihood(self, z: np.ndarray, mask: np.ndarray, cvar: np.ndarray) -> np.ndarray:
+        """(K,) of each type, given a code (Z,), masks (K, V) decoded for each, and conditions (C,).
 
         The vertices of a mask err alike, so all of them together count as much as the Z numbers.
         """
-        away = np.linalg.solve(self.factor, (z[:, None] - self.mean).reshape(-1, z.shape[1]).T)
-        by_code = -(away**2).sum(axis=0).reshape(len(z), -1) / 2
+        away = np.linalg.solve(self.factor, (z - self.expected(cvar)).T)
         rate = np.clip(self.mask_rate, _RATE_FLOOR, 1 - _RATE_FLOOR)
         by_vertex = np.where(mask, np.log(rate), np.log(1 - rate))
         known = self.share > 0
         prior = np.where(known, np.log(np.where(known, self.share, 1)), -np.inf)
-        return prior + by_code + z.shape[1] * by_vertex.mean(axis=2)
+        return prior - (away**2).sum(axis=0) / 2 + len(z) * by_vertex.mean(axis=1)
 
 
-def smooth_bootstrap(mean: np.ndarray, near: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def smooth_bootstrap(
+    mean: np.ndarray, near: np.ndarray, noise: np.ndarray, bandwidth: float
+) -> np.ndarray:
     """A smoothed bootstrap that keeps mean and covariance.
 
     Args:
         mean: (Z,) of the codes.
         near: (..., Z) deviation from the mean of a training code.
         noise: (..., Z) deviation of another code of the same distribution.
+        bandwidth: 0 for training codes, 1 for noise alone.
     """
-    return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
+    return mean + np.sqrt(1 - bandwidth**2) * near + bandwidth * noise
 
 
 def fit_types(training: TrainingCodes) -> GarmentTypes:
-    """Estimate the types from the training garments of a model."""
-    codes, garment, rate = training
+    """Estimate p(z | type, conditions) from the training garments of a model.
+
+    Codes depend on the conditions too, though the networks' prior does not: by a ridge regression
+    in each type. What it leaves is drawn by a smoothed bootstrap, whose bandwidth is the one by
+    which each training garment is likeliest, given the others.
+    """
+    codes, garment, cvar, rate = training
     count = np.bincount(garment, minlength=len(GARMENTS))
-    mean = np.zeros((len(GARMENTS), codes.mean.shape[1]))
-    np.add.at(mean, garment, codes.mean)
-    mean /= np.maximum(count, 1)[:, None]
-    away = codes.mean - mean[garment]
-    within = away.T @ away / len(away) + np.diag(np.exp(codes.log_variance).mean(axis=0))
+    mean, conditions = (_type_means(x, garment, count) for x in (codes.mean, cvar))
+    scale = (cvar - conditions[garment]).std(axis=0) + _NEVER_VARIES
+    slope = np.zeros((len(GARMENTS), cvar.shape[1], codes.mean.shape[1]))
+    residual = codes.mean - mean[garment]
+    left_out = residual.copy()  # of each garment by a regression without it
+    for index in np.flatnonzero(count):
+        own = garment == index
+        given = (cvar[own] - conditions[index]) / scale
+        weights = np.linalg.solve(given.T @ given + _RIDGE * np.eye(given.shape[1]), given.T)
+        slope[index] = weights @ residual[own] / scale[:, None]
+        left = residual[own] - given @ (weights @ residual[own])
+        leverage = np.einsum("nc,cn->n", given, weights) + 1 / count[index]
+        residual[own] = left
+        left_out[own] = left / np.maximum(1 - leverage, _LEAST_SHARE)[:, None]
+    within = residual.T @ residual / len(residual)
+    within += np.diag(np.exp(codes.log_variance).mean(axis=0))
     # With about as many garments as dimensions the covariance alone would be near singular.
     even = np.trace(within) / len(within) * np.eye(len(within))
     factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
-    return GarmentTypes(count / count.sum(), mean, factor, codes.mean, garment, rate)
+    bandwidth = _likeliest_bandwidth(np.linalg.solve(factor, left_out.T).T, garment)
+    return GarmentTypes(
+        count / count.sum(), mean, conditions, slope, factor, bandwidth, residual, garment, rate
+    )
+
+
+def _type_means(values: np.ndarray, garment: np.ndarray, count: np.ndarray) -> np.ndarray:
+    mean = np.zeros((len(count), values.shape[1]))
+    np.add.at(mean, garment, values)
+    return mean / np.maximum(count, 1)[:, None]
+
+
+def _likeliest_bandwidth(whitened: np.ndarray, garment: np.ndarray) -> float:
+    """Of `_BANDWIDTHS` the one by which garments are likeliest, each given the others of its type.
+
+    Args:
+        whitened: (n, Z) what the regression leaves of each garment, of unit covariance.
+        garment: (n,) types.
+    """
+
+    def log_density(bandwidth: float) -> float:
+        total = 0.0
+        for index in np.unique(garment):
+            own = whitened[garment == index]
+            if len(own) == 1:
+                continue
+            square = cdist(own, np.sqrt(1 - bandwidth**2) * own, "sqeuclidean")
+            np.fill_diagonal(square, np.inf)
+            total += logsumexp(-square / (2 * bandwidth**2), axis=1).sum()
+            total -= len(own) * own.shape[1] * np.log(bandwidth)
+        return total
+
+    return max(_BANDWIDTHS, key=log_density)
 
 
 def load_types(folder: str | Path) -> GarmentTypes:
@@ -171,7 +233,7 @@ def decode_by_type(
             raise InputError("a model without a mask branch cannot be sampled, expected another")
         if garment is None:
             masks = np.stack([by_topology[code][1] for code in topology_of])
-            likelihood = types.log_likelihood(z[row : row + 1], masks[None])[0]
+            likelihood = types.log_likelihood(z[row], masks, cvar[row])
             garment = GARMENTS[int(likelihood.argmax())]
         code = topology_of[GARMENTS.index(garment)]
         out.append(DecodedGarment(garment, *by_topology[code]))
@@ -350,7 +412,9 @@ def _draw_once(
     for name, request in requests.items():
         prior, rng = request.garment == PRIOR, rngs[name]
         codes.append(
-            rng.standard_normal(types.mean.shape[1]) if prior else types.draw(rng, request.garment)
+            rng.standard_normal(types.mean.shape[1])
+            if prior
+            else types.draw(rng, request.garment, request.cvar)
         )
         garments.append(None if prior else request.garment)
     cvar = np.stack([request.cvar for request in requests.values()])

@@ -37,7 +37,7 @@ def types():
     mask = np.stack([half(garment_index == DRESS) for garment_index in garment])
     codes = Codes(mean, np.full((200, 5), -6.0))
     rate = mask_rates(garment, mask, np.arange(200))
-    return fit_types(TrainingCodes(codes, garment, rate))
+    return fit_types(TrainingCodes(codes, garment, np.zeros((200, 13)), rate))
 
 
 @pytest.fixture

@@ -81,12 +81,13 @@ def test_the_codes_are_those_of_training_garments_by_the_best_weights(tmp_path, 
     save_model(tmp_path / "model", model)
     last = StaticVae(SETTINGS, toy_template())  # other weights than those of the checkpoint
     save_static_files(tmp_path / "model", last, garments, toy_topology())
-    codes, garment, rate = load_training_codes(tmp_path / "model")
+    codes, garment, cvar, rate = load_training_codes(tmp_path / "model")
     train = garments.rows("train")
     wanted = encode_garments(model, garments, train)
     for part, again in zip(wanted, codes, strict=True):
         np.testing.assert_allclose(again, part, atol=1e-5)
     np.testing.assert_array_equal(garment, garments.garment[train])
+    np.testing.assert_array_equal(cvar, garments.cvar(train))
     for index in range(len(GARMENTS)):
         own = garments.mask[train][garment == index]
         np.testing.assert_allclose(rate[index], own.mean(axis=0) if len(own) else 0, atol=1e-6)
