@@ -36,7 +36,7 @@ def shard(tmp_path_factory, run_rule, baked_bodies):
         "import_motion",
         input={"motion": CLIPS / "walk.npz"},
         output=[folder / "walk.npz"],
-        params={"motion": {"frames": 40, "lock_feet": True, "sequence": "walk"}},
+        params={"motion": {"frames": 40, "lock_feet": True, "sequence": "walk"}, "sums": {}},
     )
     common = {"seed": 5, "plans": [asdict(plan) for plan in PLANS]}
     run_rule(
