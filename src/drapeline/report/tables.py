@@ -1,5 +1,6 @@
 """Tables of metrics, and pages that are lists of sections."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -249,8 +250,11 @@ def write_beside_paper(path: str | Path, measured: Table, tables: Mapping[str, T
     write_table(path, both[list(BESIDE_PAPER.columns)], BESIDE_PAPER)
 
 
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
 def _matching(names: Sequence[str], found: pd.Series) -> list[str]:
-    """Names, where those with `*` are replaced by what is found, by rising number."""
+    """Names, where those with `*` for a number are replaced by what is found, by rising number."""
     every = []
     for name in names:
         start = name.removesuffix("*")
@@ -258,7 +262,7 @@ def _matching(names: Sequence[str], found: pd.Series) -> list[str]:
             every.append(name)
             continue
         numbers = {one.removeprefix(start) for one in set(found) if one.startswith(start)}
-        every += [start + number for number in sorted(numbers, key=float)]
+        every += [start + text for text in sorted(filter(_NUMBER.fullmatch, numbers), key=float)]
     return every
 
 
