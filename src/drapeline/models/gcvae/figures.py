@@ -5,7 +5,7 @@ CLOTH3D figures 7, 9 and 10.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from drapeline.models.gcvae.sample import (
     decode_by_type,
     load_samples,
     load_types,
+    mend,
     smooth_bootstrap,
     wearer_mesh,
 )
@@ -235,24 +236,23 @@ def _wearer(body: BodyModel, shape: np.ndarray, pose: np.ndarray) -> Mesh:
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
 
 
+End: TypeAlias = tuple[np.ndarray, np.ndarray]  # code (Z,) and conditions (13,)
+
+
 class Step(NamedTuple):
     """A garment on the way."""
 
     garment: str  # its likeliest type, one of `GARMENTS`
-    mesh: Mesh  # as decoded, in rest pose
+    mesh: Mesh  # in rest pose, mended
     cvar: np.ndarray  # (13,) conditions that it was decoded with
 
 
 def interpolate(
-    model: GarmentCodec,
-    types: GarmentTypes,
-    start: tuple[np.ndarray, np.ndarray],
-    end: tuple[np.ndarray, np.ndarray],
-    steps: int,
+    model: GarmentCodec, types: GarmentTypes, start: End, end: End, steps: int
 ) -> list[Step]:
-    """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
+    """Decode evenly spaced points between two ends.
 
-    Each is decoded on the topology of its likeliest type.
+    Each is decoded on the topology of its likeliest type, and mended like a sampled garment.
     """
     share = np.linspace(0, 1, steps)[:, None]
     z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))
@@ -260,30 +260,25 @@ def interpolate(
     template = model.body_template
     decoded = decode_by_type(model, types, z, cvar, [None] * steps)
     for (garment, offsets, mask), condition in zip(decoded, cvar, strict=True):
-        vertices = template.rest_body(condition) + offsets
-        mesh = garment_mesh(vertices, template.faces_of(garment), mask)
+        mesh = mend(model, garment, template.rest_body(condition), offsets, mask)
         out.append(Step(garment, mesh, condition))
     return out
 
 
-def interpolate_as_figure_9(
-    model: GarmentCodec,
-    types: GarmentTypes,
-    garments: StaticGarments,
-    rows: np.ndarray,
-    codes: Codes,
-    steps: int,
-) -> dict[str, list[Step]]:
-    """The rows of figure 9: shape, tightness, cloth, cloth across topologies, and all at once.
+def ends_of_figure_9(
+    garments: StaticGarments, rows: np.ndarray, codes: Codes
+) -> dict[str, tuple[End, End]]:
+    """Where the rows of figure 9 start and end, to `interpolate` between.
+
+    They are shape, tightness, cloth, cloth across topologies, and all at once.
 
     Args:
         rows: (n,) garments; the first of each type is where a row starts or ends. A row that needs
             a type not among them is left out.
         codes: (n, Z) of these garments.
-        steps: garments per row.
 
     Returns:
-        What changes -> steps.
+        What changes -> ends.
     """
     garment_indices = np.asarray(garments.garment)[rows]
     cvar = garments.cvar(rows)
@@ -293,7 +288,7 @@ def interpolate_as_figure_9(
         if (garment_indices == index).any()
     }
 
-    def at(name: str, **changed: object) -> tuple[np.ndarray, np.ndarray]:
+    def at(name: str, **changed: object) -> End:
         """A garment's code and conditions, with another shape or tightness."""
         condition = cvar[first[name]].copy()
         for part, value in changed.items():
@@ -314,7 +309,7 @@ def interpolate_as_figure_9(
         "topology": ("Jumpsuit", "Dress"),
         "all": ("Skirt", "Tshirt"),
     }
-    ends_of: dict[str, Callable[..., tuple[Any, Any]]] = {
+    ends_of: dict[str, Callable[..., tuple[End, End]]] = {
         "shape": lambda a: (at(a, shape=small), at(a, shape=large)),
         "tightness": lambda a: (
             at(a, shape=average, tightness=tightness(a, _TIGHT)),
@@ -325,7 +320,7 @@ def interpolate_as_figure_9(
         "all": lambda a, b: (at(a), at(b)),
     }
     return {
-        name: interpolate(model, types, *ends_of[name](*needed), steps=steps)
+        name: ends_of[name](*needed)
         for name, needed in needed_types.items()
         if all(garment in first for garment in needed)
     }
@@ -362,18 +357,16 @@ def plot_walks(job: Job) -> None:
     # Held-out garments where there is one of a type.
     rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 
-    def views(steps: int) -> dict[str, list[GarmentPicture]]:
-        ways = interpolate_as_figure_9(model, types, data, rows, codes.of(rows), steps)
-        return {
-            name: [walk_view(at.mesh, wearer_mesh(bodies, at.cvar), at.garment) for at in way]
-            for name, way in ways.items()
-        }
+    ends = ends_of_figure_9(data, rows, codes.of(rows))
 
+    def views(name: str, steps: int) -> list[GarmentPicture]:
+        way = interpolate(model, types, *ends[name], steps)
+        return [walk_view(at.mesh, wearer_mesh(bodies, at.cvar), at.garment) for at in way]
+
+    moving = next(name for name in ("topology", "cloth", "shape", *ends) if name in ends)
     with ray_share(params.rays):
-        plot_views(job.output.sheet, views(params.steps))
-        ways = views(params.frames)
-        moving = next(ways[name] for name in ("topology", "cloth", "shape", *ways) if name in ways)
-        animate_views(job.output.moving, moving)
+        plot_views(job.output.sheet, {name: views(name, params.steps) for name in ends})
+        animate_views(job.output.moving, views(moving, params.frames))
 
 
 def plot_errors(job: Job) -> None:
