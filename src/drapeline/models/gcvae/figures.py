@@ -39,7 +39,7 @@ from drapeline.models.gcvae.sample import (
     wearer_mesh,
 )
 from drapeline.models.training.module import BEST
-from drapeline.outfits.garment_types import GARMENTS, first_of_each
+from drapeline.outfits.garment_types import GARMENTS, SKIRTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import Topology, load_topology
 from drapeline.rendering.raytracer import ray_share
@@ -162,7 +162,8 @@ def wrinkle_rows(
     """The rows of figure 10, all from one held-out frame.
 
     Args:
-        files: held-out garments first; the one that moves most gives frame, pose and wrinkle code.
+        files: held-out garments first; a skirt or dress among them, where there is one, gives
+            frame, pose and wrinkle code.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
         columns: pictures per row.
 
@@ -175,7 +176,9 @@ def wrinkle_rows(
     rows_by = [data.rows_of(one.sample, one.name) for one in files]
     bend = [np.linalg.norm(data.poses[rows, 0, 3:], axis=1) for rows in rows_by]
     held_out = [k for k, one in enumerate(files) if one.split == files[0].split]
-    chosen = max(held_out, key=lambda k: np.ptp(bend[k]))
+    loose = [k for k in held_out if files[k].name in SKIRTS] or held_out
+    # Of the liveliest, cloth that flies would be put on bodies that stand.
+    chosen = sorted(loose, key=lambda k: np.ptp(bend[k]))[(len(loose) - 1) // 2]
     rows = rows_by[chosen]
     lively = rows[[bend[chosen].argmax()]]
     z = encode_garments(model, garments, lively).mean
