@@ -79,14 +79,14 @@ from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.train import load_conditioning
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
+from drapeline.models.pictures.files import files_of_picture, picture_files
+from drapeline.models.pictures.read import read_picture
 from drapeline.models.smplicit.decoder import load_released
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.gallery.files import CODES, load_gallery, posed_prototype
 from drapeline.models.smplicit.model import load_training_codes as load_field_codes
 from drapeline.models.smplicit.model import save_model_files
 from drapeline.models.smplicit.network import load_field, new_field
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
-from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST

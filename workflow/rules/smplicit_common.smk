@@ -1,5 +1,5 @@
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
+from drapeline.models.pictures.files import files_of_picture, picture_files
 from drapeline.models.smplicit.plan import SmplicitFiles
 
 SMPLICIT = SmplicitFiles(FILES)
