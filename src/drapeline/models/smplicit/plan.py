@@ -6,7 +6,6 @@ from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
-from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
     EvaluationTask,
@@ -53,11 +52,6 @@ class SmplicitFiles:
             **self._files.hanging,
             "seed": self._files.config["seed"],
         }
-
-    def knows(self, planned: SamplePlan) -> bool:
-        """Whether a planned sample wears a garment that one of the models learns."""
-        garments = planned.outfit_type.split("+")
-        return any(MODEL_OF_GARMENT[garment] in self.names for garment in garments)
 
 
 class _SmplicitTasks:
@@ -165,7 +159,7 @@ class _SmplicitTasks:
     @cached_property
     def _pictured(self) -> dict[str, Any]:
         """What an evaluation is told of pictures; see `pictured_samples`."""
-        return pictured_samples(self.files, self.own.knows)
+        return pictured_samples(self.files)
 
     @property
     def _samples(self) -> list[str]:
