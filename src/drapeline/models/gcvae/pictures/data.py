@@ -18,11 +18,12 @@ from drapeline.models.gcvae.pictures.views import (
     cut_to_body,
     join_views,
     network_images,
+    pixels_of_cut,
     see_body,
 )
 from drapeline.models.gcvae.settings import PictureViews
 from drapeline.models.pictures.known import RISE, camera_around, segment
-from drapeline.models.pictures.read import CLASSES, class_of_garment
+from drapeline.models.pictures.read import CLASSES, UNKNOWN, class_of_garment
 from drapeline.models.training.batches import Batch
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Outfit
@@ -120,11 +121,10 @@ def _take_views(
             class_of_garment(name): Mesh(cloth[frame], faces[name])
             for name, cloth in worn.garments.items()
         }
-        views.append(
-            PersonView(
-                see_body(wearer, marks[outfit.gender], camera), segment(wearer, garments, camera)
-            )
-        )
+        classes = segment(wearer, garments, camera)
+        row, column = pixels_of_cut(around, camera)
+        classes[np.minimum(row[:, None], column) < 0] = CLASSES.index(UNKNOWN)
+        views.append(PersonView(see_body(wearer, marks[outfit.gender], camera), classes))
     return views
 
 

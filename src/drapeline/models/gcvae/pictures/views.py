@@ -61,6 +61,20 @@ def cut_to_body(camera: Camera, body: np.ndarray, size_px: int) -> Camera:
     return replace(camera, intrinsics=cut @ camera.intrinsics, width=size_px, height=size_px)
 
 
+def pixels_of_cut(camera: Camera, cut: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (R,) and columns (R,) of a camera's picture that the rays of a cut of it pass through.
+
+    Those beyond the picture are -1.
+    """
+    before, after = camera.intrinsics, cut.intrinsics
+    middle = np.arange(cut.width) + 0.5 - after[:2, 2, None]
+    column, row = np.floor(before[0, 0] / after[0, 0] * middle + before[:2, 2, None]).astype(int)
+    return (
+        np.where((row >= 0) & (row < camera.height), row, -1),
+        np.where((column >= 0) & (column < camera.width), column, -1),
+    )
+
+
 def see_body(body: PosedBody, marks: np.ndarray, camera: Camera) -> np.ndarray:
     """(H, W, 4) int8: what a camera sees of the bare body, see `PersonView`.
 
@@ -85,13 +99,8 @@ def view_person(
     """
     camera = cut_to_body(person.camera, body.posed, size_px)
     classes = np.where(person.others, CLASSES.index(UNKNOWN), picture.classes)
-    # The pixels through which the rays of the view pass.
-    before, after = person.camera.intrinsics, camera.intrinsics
-    scale = before[0, 0] / after[0, 0]
-    middle = np.arange(size_px) + 0.5 - after[:2, 2, None]
-    column, row = np.floor(scale * middle + before[:2, 2, None]).astype(int)
-    height, width = classes.shape
-    rows, columns = (row >= 0) & (row < height), (column >= 0) & (column < width)
+    row, column = pixels_of_cut(person.camera, camera)
+    rows, columns = row >= 0, column >= 0
     found = np.full((size_px, size_px), CLASSES.index(UNKNOWN), dtype=np.uint8)
     found[np.ix_(rows, columns)] = classes[np.ix_(row[rows], column[columns])]
     return PersonView(see_body(body, marks, camera), found)
