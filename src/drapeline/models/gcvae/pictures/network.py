@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from drapeline.models.gcvae.pictures.views import CHANNELS, mirror_images
-from drapeline.models.gcvae.settings import PictureNetwork
+from drapeline.models.gcvae.settings import PictureNetwork, PictureViews
 from drapeline.models.layers.resnet import ResNet18
 from drapeline.models.pictures.read import CLASSES
 from drapeline.models.training.batches import Batch
@@ -121,6 +121,6 @@ def load_coder(folder: str | Path) -> PictureCoder:
             str(metadata["model"]),
         )
         settings = PictureNetwork(**metadata["settings"])
-        return PictureCoder(settings, int(metadata["size_px"]), space)
+        return PictureCoder(settings, PictureViews(size_px=metadata["size_px"]).size_px, space)
 
     return load_network(Path(folder) / BEST, PictureCoder.checkpoint_type, build)
