@@ -424,7 +424,7 @@ class PictureViews(Settings):
         description="Width and height of the pictures that the network sees, cut to the body.",
     )
     per_outfit: int = Field(
-        8,
+        12,
         ge=1,
         le=10_000,
         description="Pictures of each outfit at rest, in as many poses of samples.",
@@ -436,7 +436,7 @@ class PictureTraining(StepTraining):
     """How the network of pictures is trained."""
 
     steps: int = Field(
-        1500,
+        1000,
         ge=1,
         le=10_000_000,
         description="Steps of the network of pictures, in whole passes over them.",

@@ -2,8 +2,9 @@
 
 The paper shows it the segments of the body and the silhouette of the garment, and takes the body's
 shape and pose for known. Where the body is known, so is what lies beneath the cloth: here each
-pixel tells which place of the bare body is there, and also whether skin, the garment, or something
-that hides it is seen. Pictures are cut to the body first. R pixels are a view's width and height.
+pixel tells which segment of the bare body is there, and also whether skin, the garment, or
+something that hides it is seen. Pictures are cut to the body first. R pixels are a view's width and
+height.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ from drapeline.models.pictures.read import BODY, CLASSES, UNKNOWN, Person, Pictu
 from drapeline.rendering.camera import Camera
 from drapeline.rendering.modalities import cast_rays
 
-# Of a view as the network takes it: three that tell places of the body apart, whether the body is
+# Of a view as the network takes it: three that tell segments of the body apart, whether the body is
 # there, then whether skin, the garment, or what hides it is seen.
 CHANNELS = 7
 _MARGIN = 1.15  # cloth reaches beyond the body
@@ -36,13 +37,16 @@ class PersonView(NamedTuple):
 
 
 def body_marks(body: BodyModel) -> np.ndarray:
-    """(V, 3) float32, -1 to 1, by which the places of a body are told apart.
+    """(V, 3) float32, -1 to 1, by which the segments of a body are told apart.
 
-    They are where a vertex is on the mean body at rest. The first has the other sign on the other
-    side of the body.
+    They are where the middle of a vertex's segment is on the mean body at rest, as shares of the
+    body's extent. The first has the other sign on the other side of the body.
     """
     rest = rest_body(body, np.zeros(SHAPES))
-    return (rest / np.abs(rest).max(axis=0)).astype(np.float32)
+    _, segment, size = np.unique(body.segmentation, return_inverse=True, return_counts=True)
+    middle = np.zeros((len(size), 3))
+    np.add.at(middle, segment, rest / np.abs(rest).max(axis=0))
+    return (middle / size[:, None])[segment].astype(np.float32)
 
 
 def cut_to_body(camera: Camera, body: np.ndarray, size_px: int) -> Camera:

@@ -46,12 +46,16 @@ def view(body, model, camera, garments, size=SIZE, others=None):
     return view_person(picture, picture.people[0], body, body_marks(model), size)
 
 
-def test_marks_tell_sides_apart_and_are_within_their_bounds(toy_body):
+def test_marks_tell_segments_and_sides_apart(toy_body):
     marks = body_marks(toy_body)
-    assert np.abs(marks).max(axis=0) == pytest.approx(1)
-    mirrored = marks * [-1, 1, 1]
-    distance = np.linalg.norm(marks[:, None] - mirrored[None], axis=2).min(axis=1)
-    assert distance.max() < 1e-3
+    assert np.abs(marks).max() < 1
+    for joint in np.unique(toy_body.segmentation):
+        own = toy_body.segmentation == joint
+        assert (marks[own] == marks[own][0]).all()
+        # No other segment is alike, and one is on the other side.
+        assert np.linalg.norm(marks[~own] - marks[own][0], axis=1).min() > 0.01
+        opposite = np.linalg.norm(marks - marks[own][0] * [-1, 1, 1], axis=1)
+        assert opposite.min() < 0.01
 
 
 def test_a_cut_shows_the_whole_body_in_the_middle_at_any_size(toy_body):
@@ -144,5 +148,5 @@ def test_marks_are_seen_where_the_body_is(toy_body):
     image = see_body(body, body_marks(toy_body), camera)
     rows, columns = np.nonzero(image[..., 3])
     # Head up, and the left arm on the right of a picture from the front.
-    assert image[rows.min(), :, 2].max() > 100
-    assert image[:, columns.max(), 0].max() > 100
+    assert image[rows.min(), :, 2].max() > 60
+    assert image[:, columns.max(), 0].max() > 60
