@@ -26,7 +26,7 @@ from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import fit_mean_garment
 from drapeline.metrics.garment import garment_mesh
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.predictions import BODY, TRUE, Fits, save_fitted_scans
+from drapeline.metrics.predictions import BODY, TRUE, Fits, label_of, save_fitted_scans
 from drapeline.metrics.table import join, summarise, write_evaluation
 from drapeline.models.gcvae.pictures.data import PictureData
 from drapeline.models.gcvae.pictures.model import PictureModel, kinds_of, predict
@@ -35,7 +35,7 @@ from drapeline.models.gcvae.pictures.train import conditions_of, encode_untold, 
 from drapeline.models.gcvae.pictures.views import mirror_images
 from drapeline.models.pictures.dressed import seen_parts, shown_labels
 from drapeline.models.pictures.known import KnownPicture, pictures_of_job, rest_distances
-from drapeline.models.pictures.read import GARMENT_CLASSES
+from drapeline.models.pictures.read import CLASSES, GARMENT_CLASSES
 from drapeline.models.training.batches import as_tensors
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment, load_sample_garment
@@ -170,6 +170,15 @@ class PictureEvaluation:
         return garment_mesh(body + mean.offsets[0], faces, mean.mask[0])
 
 
+def type_labels(known: KnownPicture) -> np.ndarray:
+    """(H, W) uint8 labels of a picture's pixels, by garments' types instead of classes."""
+    classes = known.picture.classes
+    labels = shown_labels(classes)
+    for name, garment in known.garments.items():
+        labels[classes == CLASSES.index(name)] = label_of(garment)
+    return labels
+
+
 def seen_segments(body: PosedBody, model: BodyModel, known: KnownPicture) -> np.ndarray:
     """(H, W) uint8, 0 where no skin is seen, else 1 + the joint that its segment follows."""
     segment = model.segmentation[body.faces[:, 0]]
@@ -202,7 +211,7 @@ def evaluate(job: Job) -> None:
         save_npz(
             folder / PICTURES,
             name=np.array([known.picture.name for known in shown], dtype=np.str_),
-            labels=np.stack([shown_labels(known.picture.classes) for known in shown]),
+            labels=np.stack([type_labels(known) for known in shown]),
             segments=np.stack(
                 [seen_segments(known.body, bodies[known.person.gender], known) for known in shown]
             ),
