@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from drapeline.models.gcvae.pictures.views import CHANNELS, mirror_images
+from drapeline.models.gcvae.pictures.views import CHANNELS, hide_parts, mirror_images
 from drapeline.models.gcvae.settings import PictureNetwork, PictureViews
 from drapeline.models.layers.resnet import ResNet18
 from drapeline.models.pictures.read import CLASSES
@@ -74,12 +74,16 @@ class PictureCoder(TrainableModule):
         return self.means[kind] + self.spread * self.network(images)
 
     def training_step(self, batch: Batch) -> torch.Tensor:
-        """L2 of the codes; half of the pictures are mirrored, whose garments have the same code."""
+        """L2 of the codes.
+
+        Half of the pictures are mirrored, whose garments have the same codes, and half have
+        something unknown in them.
+        """
         images = batch["images"]
         rng = rng_for(self.settings.training.seed, "mirrored", *self.progress[:3])
         turned = torch.from_numpy(rng.random(len(images)) < 0.5).to(images.device)
         images = torch.where(turned[:, None, None, None], mirror_images(images), images)
-        loss = self._loss(images, batch)
+        loss = self._loss(hide_parts(images, rng), batch)
         self.stop_if_unfinite(loss, {"code": loss}, batch["names"])
         self.log_means("train", {"loss": loss}, len(images))
         return loss

@@ -24,6 +24,7 @@ from drapeline.rendering.modalities import cast_rays
 # Of a view as the network takes it: three that tell segments of the body apart, whether the body is
 # there, then whether skin, the garment, or what hides it is seen.
 CHANNELS = 7
+_SEEN = slice(4, 7)
 _MARGIN = 1.15  # cloth reaches beyond the body
 _SCALE = 127  # of numbers from -1 to 1 as bytes
 
@@ -127,6 +128,21 @@ def network_images(views: PersonView, kinds: np.ndarray) -> np.ndarray:
 def join_views(views: Sequence[PersonView]) -> PersonView:
     """Several views of one size as the arrays of all of them."""
     return PersonView(*(np.stack(part) for part in zip(*views, strict=True)))
+
+
+def hide_parts(images: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+    """Images (B, CHANNELS, R, R), half of them with a box of something unknown in them.
+
+    In pictures of streets there are other people, bags and edges.
+    """
+    hidden, size = images.clone(), images.shape[-1]
+    for image in hidden:
+        height, width = rng.integers(size // 10, size // 2, 2)
+        top, left = rng.integers(size - height), rng.integers(size - width)
+        if rng.random() < 0.5:
+            box = image[:, top : top + height, left : left + width]
+            box[_SEEN] = torch.tensor([0.0, 0.0, 1.0]).to(box)[:, None, None]
+    return hidden
 
 
 def mirror_images(images: torch.Tensor) -> torch.Tensor:

@@ -12,6 +12,7 @@ from drapeline.models.gcvae.pictures.views import (
     PersonView,
     body_marks,
     cut_to_body,
+    hide_parts,
     join_views,
     mirror_images,
     network_images,
@@ -21,6 +22,7 @@ from drapeline.models.gcvae.pictures.views import (
 from drapeline.models.pictures.known import camera_around, segment
 from drapeline.models.pictures.read import BODY, CLASSES, UNKNOWN, Person, Picture
 from drapeline.rendering.camera import look_at
+from drapeline.seeding import rng_for
 from toys.smplicit import tube
 
 SKIRT, UPPER, TROUSERS = (CLASSES.index(name) for name in ("skirt", "upper", "trousers"))
@@ -135,6 +137,22 @@ def test_the_picture_of_a_mirrored_person_is_the_mirrored_picture(toy_body):
     assert not np.allclose(images[0], images[1])
     # But for rays along edges.
     assert (np.abs(mirrored - images[1]).max(axis=1) < 0.05).mean() > 0.97
+
+
+def test_half_of_the_images_have_something_unknown_in_them():
+    images = torch.rand(40, CHANNELS, 32, 32, generator=torch.Generator().manual_seed(0))
+    before = images.clone()
+    hidden = hide_parts(images, rng_for(0, "hidden"))
+    assert torch.equal(images, before)
+    changed = (hidden != images).flatten(1).any(1)
+    assert 8 < changed.sum() < 32
+    # The body is known all the same.
+    assert torch.equal(hidden[:, :4], images[:, :4])
+    for image, original in zip(hidden[changed], images[changed], strict=True):
+        box = (image != original).any(0)
+        rows, columns = torch.nonzero(box).T
+        part = image[4:, rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        assert (part == torch.tensor([0.0, 0.0, 1.0])[:, None, None]).all()
 
 
 def test_mirrored_twice_images_are_as_before():
