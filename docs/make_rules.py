@@ -30,6 +30,8 @@ STAGES = {
     "registration": "Registration to the body",
     "learning_data": "Data for learning",
     "scans": "Segmented scans",
+    "pictures": "Your own pictures",
+    "gcvae_pictures": "Garment VAE on your own pictures",
     "garment4d": "Shards for Garment4D",
     "garment4d_reconstruct": "Garment4D on your own scans",
     "smplicit": "Shards for SMPLicit",

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.generation.moving_sheets import make_draper
+from drapeline.models.pictures.dressed import shown_picture, write_fitted
+from drapeline.models.pictures.read import read_picture
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.drape import drape_picture
-from drapeline.models.smplicit.pictures.garments import fit_picture, shown_picture, write_fitted
-from drapeline.models.smplicit.pictures.read import read_picture
+from drapeline.models.smplicit.pictures.garments import fit_picture
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 
@@ -30,5 +31,5 @@ with rule_log(snakemake.log[0]) as log:
     if draper:
         people = drape_picture(picture, people, *how, draper)
     write_fitted(made.folder, picture, people)
-    shown_picture(picture, models, people).save(made.shown)
+    shown_picture(picture, bodies, people).save(made.shown)
     log.info("%s: %s", picture.name, "; ".join(" + ".join(outfit) for outfit in people))

@@ -23,7 +23,7 @@ from drapeline.dataset.segmented_scans import scan_sample
 from drapeline.dataset.settings import CloudSettings, ScanSettings
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import save_obj
-from drapeline.models.smplicit.pictures.read import class_of_garment
+from drapeline.models.pictures.read import class_of_garment
 from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS

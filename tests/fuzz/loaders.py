@@ -6,6 +6,7 @@
 import base64
 import json
 import pickle
+import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -73,20 +74,22 @@ from drapeline.models.garment4d.stages import (
 )
 from drapeline.models.gcvae.codec import load_codes
 from drapeline.models.gcvae.load import load_codec, load_training_codes
+from drapeline.models.gcvae.pictures.data import PictureData, collect_pictures
+from drapeline.models.gcvae.pictures.network import CodeSpace, PictureCoder, load_coder
 from drapeline.models.gcvae.ppca import StaticPpca
 from drapeline.models.gcvae.sample import load_samples
-from drapeline.models.gcvae.settings import PpcaSettings
+from drapeline.models.gcvae.settings import PictureNetwork, PpcaSettings
 from drapeline.models.gcvae.train import load_conditioning
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
+from drapeline.models.pictures.files import files_of_picture, picture_files
+from drapeline.models.pictures.read import CLASSES, read_picture
 from drapeline.models.smplicit.decoder import load_released
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.gallery.files import CODES, load_gallery, posed_prototype
 from drapeline.models.smplicit.model import load_training_codes as load_field_codes
 from drapeline.models.smplicit.model import save_model_files
 from drapeline.models.smplicit.network import load_field, new_field
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
-from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
@@ -111,6 +114,7 @@ from drapeline.registration.to_body.topology import (
 from drapeline.registration.to_template.garment_space import load_space
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.remesh import RemeshTable, load_tables
+from drapeline.report.models.gcvae.pictures import load_pictures
 from drapeline.report.models.smplicit.tables import read_gallery_tables
 from drapeline.schema import Column, Schema, read_table
 from drapeline.seeding import rng_for
@@ -130,6 +134,7 @@ from toys.motion_files import (
 )
 from toys.moving import write_registered_sample
 from toys.outfits_at_rest import save_static
+from toys.pictured import VIEWS, save_registered, toy_motions
 from toys.schema import SCHEMA
 from toys.smplicit import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
 from toys.smplicit import tube as sheet
@@ -566,6 +571,32 @@ def _make_ppca(folder: Path) -> None:
     save_model(folder / "ppca", model.eval(), garments)
 
 
+def _make_pictures(folder: Path) -> None:
+    data = save_registered(folder / "registered", body())
+    outfits = toy_outfits()[:2]
+    collect_pictures(folder / "pictures", outfits, toy_motions(), data, bodies(), VIEWS)
+    shutil.rmtree(folder / "registered")
+
+
+def _use_pictures(folder: Path) -> None:
+    pictures = PictureData(folder / "pictures", len(toy_outfits()))
+    for split in ("train", "val"):
+        pictures.images(pictures.rows(split)[:4])
+
+
+def _make_coder(folder: Path) -> None:
+    means = np.zeros((len(CLASSES), 3), np.float32)
+    known = np.ones(len(CLASSES), bool)
+    space = CodeSpace(means, known, np.ones(3, np.float32), np.zeros(2, np.float32), "abc")
+    coder = PictureCoder(PictureNetwork(width=2), VIEWS.size_px, space)
+    write_checkpoint(folder / BEST, coder.state_dict(), coder.checkpoint_metadata())
+
+
+def _make_segmented(folder: Path) -> None:
+    plain = np.zeros((2, 8, 8), np.uint8)
+    save_npz(folder / "pictures.npz", name=np.array(["a", "b"]), labels=plain, segments=plain)
+
+
 def _make_conditioning(folder: Path) -> None:
     weights = StaticVae(SETTINGS, toy_template()).conditioning.state_dict()
     state = {f"autoencoder.{name}": value for name, value in weights.items()}
@@ -941,6 +972,9 @@ def _loaders() -> Iterator[Loader]:
         "svae/training_codes.npz",
     )
     yield Loader("ppca", _make_ppca, lambda f: load(f / "ppca"), f"ppca/{BEST}")
+    yield Loader("pictures_to_learn", _make_pictures, _use_pictures, "pictures/*")
+    yield Loader("picture_network", _make_coder, load_coder, BEST)
+    yield Loader("segmented_pictures", _make_segmented, lambda f: load_pictures(f / "pictures.npz"))
     yield Loader("conditioning", _make_conditioning, _load_conditioning)
     yield Loader(
         "canonical_stage",

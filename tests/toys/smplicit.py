@@ -10,8 +10,8 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData, collect_fields, sample_fields
 from drapeline.learning_data.occlusion import texture_pixels
+from drapeline.models.pictures.read import CLASSES, Person, Picture
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
-from drapeline.models.smplicit.pictures.read import CLASSES, Person, Picture
 from drapeline.models.smplicit.settings import FieldSettings, FitImage, Meshing
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit

@@ -16,7 +16,7 @@ from toys.snakemake_run import ROOT
 MODELS = tuple(
     path.name
     for path in sorted((ROOT / "src/drapeline/models").iterdir())
-    if path.is_dir() and path.name not in {"layers", "training", "__pycache__"}
+    if path.is_dir() and path.name not in {"layers", "training", "pictures", "__pycache__"}
 )
 
 

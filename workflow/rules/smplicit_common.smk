@@ -1,48 +1,12 @@
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
 from drapeline.models.smplicit.plan import SmplicitFiles
 
 SMPLICIT = SmplicitFiles(FILES)
 SEGMENTED = config["smplicit"]["scans"]
-try:
-    # The user's own, by name.
-    PICTURES = {
-        file.stem: str(file) for file in picture_files(config["smplicit"]["images"])
-    }
-except InputError as error:
-    raise WorkflowError(str(error)) from None
-
-
 # Where the fields of each garment type are defined.
 FIELD_BOXES = {
     garment: FIELD_MODELS[model].box for garment, model in MODEL_OF_GARMENT.items()
 }
-
-
-wildcard_constraints:
-    picture="|".join(map(re.escape, PICTURES)) or "no picture",
-
-
-def own_picture(wildcards):
-    """Input function: a picture's JSON, first of all, and the images that it names."""
-    try:
-        files = [*map(str, files_of_picture(PICTURES[wildcards.picture]))]
-    except InputError as error:
-        raise WorkflowError(str(error)) from None
-    return {"picture": files[0], "images": files[1:]}
-
-
-def own_pictures(wildcards):
-    """Input function: what is made of all of the user's pictures."""
-    if not PICTURES:
-        raise WorkflowError(
-            "smplicit.images is empty, expected a .json for each of your pictures, or folders of"
-            " them"
-        )
-    images = f"{SMPLICIT.folder}/images"
-    return expand(
-        [f"{images}/{{picture}}", f"{images}/{{picture}}.png"], picture=PICTURES
-    )
 
 
 def segmented_scans(wildcards):

@@ -22,29 +22,7 @@ rule fit_picture:
         "../../scripts/fit_picture.py"
 
 
-rule plot_fitted_picture:
-    input:
-        f"{SMPLICIT.folder}/images/{{picture}}_shown.npz",
-    output:
-        f"{SMPLICIT.folder}/images/{{picture}}.png",
-    log:
-        f"{LOGS}/plot_fitted_picture/{{picture}}.log",
-    benchmark:
-        f"{BENCHMARKS}/plot_fitted_picture/{{picture}}.tsv"
-    conda:
-        "../../envs/report.yaml"
-    threads: 1
-    resources:
-        mem_mb=1500,
-        runtime=10,
-    params:
-        rays=lookup(dpath="renders/rays", within=config),
-        code=source_hash("plot_fitted_picture"),
-    script:
-        "../../scripts/plot_fitted_picture.py"
-
-
 rule fit_images:
     # The garments in the pictures that the config names, and the pictures with them.
     input:
-        own_pictures,
+        pictures_by("smplicit"),

@@ -46,6 +46,14 @@ VARIANTS = {
         "dynamic_ppca_settled": Variant(f"{_PPCA}, smoothed and pushed out of the body"),
         "dynamic_ppca_prior": Variant(f"{_PPCA}{_UNSEEN}"),
     },
+    "picture": {
+        "picture_network": Variant("Garment VAE's code from the picture"),
+        "picture_nearest": Variant("Code of the training garment in the nearest picture"),
+        "picture_untrained": Variant("The same network, untrained"),
+        "picture_mean_code": Variant("Mean code of the class"),
+        "picture_mean_garment": Variant("Mean garment of the class"),
+        "picture_registered": Variant("Code of the true garment, registered", competes=False),
+    },
     "representation": {
         "static_ppca": Variant(_PPCA),
         "svae": Variant("Garment VAE"),

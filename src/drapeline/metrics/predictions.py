@@ -5,7 +5,7 @@ picture's pixels are 0 background, 1 body, 2 unknown, 3 + index into `GARMENTS`.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -36,6 +36,7 @@ _PICTURE_ARRAYS = {
     "*/faces": "int * 3",
     "*/garments": "str *",
     "*/true": "str *",
+    "*/rest": "str *",
 }
 
 
@@ -197,6 +198,8 @@ class PersonShown:
     garments: Mapping[str, Mesh]  # type -> posed sheet, from the innermost to the outermost
     # Type -> the garment that the picture was taken of; empty where nobody knows.
     true: Mapping[str, Mesh]
+    # Type -> its sheet at rest, root-relative metres.
+    rest: Mapping[str, Mesh] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -215,7 +218,7 @@ class FittedPicture:
             arrays[f"{number}/intrinsics"] = person.intrinsics
             arrays[f"{number}/world_to_camera"] = person.world_to_camera
             meshes = {"body": person.body}
-            for kind in ("garments", "true"):
+            for kind in ("garments", "true", "rest"):
                 found = getattr(person, kind)
                 arrays[f"{number}/{kind}"] = np.array([*found], dtype=np.str_)
                 meshes |= {f"{kind}/{name}": mesh for name, mesh in found.items()}
@@ -256,6 +259,7 @@ def _person(arrays: Mapping[str, np.ndarray], number: int) -> PersonShown:
         mesh("body"),
         meshes("garments"),
         meshes("true"),
+        meshes("rest"),
     )
 
 

@@ -17,6 +17,8 @@ METRICS = {
     "pieces": Metric("", "Pieces", 2, better=""),
     "surface_to_true_mm": Metric("mm", "To the true garment"),
     "true_to_surface_mm": Metric("mm", "From the true garment"),
+    "rest_to_true_mm": Metric("mm", "At rest, to the true garment"),
+    "true_to_rest_mm": Metric("mm", "At rest, from the true garment"),
     "code_numbers": Metric("", "Numbers of the code", 0, better=""),
     "vertex_error_mm": Metric("mm", "Vertex error"),
     "segmentation_accuracy": Metric("%", "Right labels", 1, 100, better=LARGER),

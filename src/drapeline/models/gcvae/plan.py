@@ -1,6 +1,6 @@
 """What an experiment does with the garment VAEs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import cached_property
@@ -15,6 +15,7 @@ from drapeline.models.gcvae.settings import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
     MOVERS,
+    PICTURES,
     SOLVER,
     STATIC_PPCA,
     SVAE_VARIANTS,
@@ -22,6 +23,7 @@ from drapeline.models.gcvae.settings import (
     dynamic_conditions,
     pooling_of,
 )
+from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
     EvaluationTask,
     Figure,
@@ -54,6 +56,30 @@ class _GcvaeTasks:
         # The one that figures and samples are made with.
         self.shown = self.settings["sampling"]["variant"]
 
+    def data(self) -> dict[str, Task]:
+        """Pictures to learn codes from."""
+        views = self.settings["pictures"]["views"]
+        return {
+            "data/pictures": Task(
+                f"{_HERE}.pictures.data:collect",
+                {
+                    **self.files.bodies,
+                    "data": self.files.static,
+                    "outfits": self.files.outfits_at_rest,
+                    "samples": self.files.per_shard(self.files.samples, self.files.moving),
+                },
+                {"settings": {**views, "seed": self.seed}},
+                seconds=60 * self.files.static_size * views["per_outfit"],
+                megabytes=1000 + 0.02 * views["size_px"] ** 2 * self.files.static_size,
+                checks=self._check_pictures,
+            )
+        }
+
+    @property
+    def _check_pictures(self) -> list[Callable[[], None]]:
+        splits = ("train", "val")
+        return [self.files.resting_in(*splits), self.files.moving_in(*splits)]
+
     def trainings(self) -> dict[str, Task]:
         """Of conditionings, VAEs and PCA."""
         return {
@@ -66,6 +92,7 @@ class _GcvaeTasks:
             },
             **{name: self._dvae(name) for name in DVAE_VARIANTS},
             DYNAMIC_PPCA: self._dynamic_ppca(),
+            PICTURES: self._train_pictures(),
         }
 
     def _template(self, pooling: str = "segments") -> dict[str, str]:
@@ -189,6 +216,27 @@ class _GcvaeTasks:
             parallel=True,
         )
 
+    def _train_pictures(self) -> Task:
+        own = self.settings["pictures"]
+        training = {**own["training"], "seed": self.seed}
+        return Task(
+            f"{_HERE}.pictures.train:train",
+            {
+                "model": f"{self.folder}/{self.shown}",
+                "data": self.files.static,
+                "pictures": f"{self.folder}/data/pictures",
+            },
+            {
+                "settings": {"width": own["width"], "training": training},
+                "trainer": self.settings["trainer"],
+            },
+            seconds=0.004 * training["steps"] * training["batch"],
+            megabytes=1500,
+            checks=self._check_pictures,
+            parallel=True,
+            gpus=self.files.gpus("gcvae"),
+        )
+
     def evaluations(self) -> dict[str, EvaluationTask]:
         """Of trivial predictions and trained models, and the comparisons with other models."""
         always = ("metrics", _ABLATIONS)
@@ -204,6 +252,8 @@ class _GcvaeTasks:
                 found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))
         if self.simulated_again:
             found["dynamic_floor"] = (self._floor(), always)
+        if self.pictured:
+            found["pictures"] = (self._find_in_pictures(), always)
         found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
             found["scans"] = (self._fit_scans(), ("scans",))
@@ -254,6 +304,34 @@ class _GcvaeTasks:
         """Test samples, to tell how far they are from themselves then."""
         count = self.settings["evaluation"]["floor_samples"]
         return self.files.first_of_split(count, EVALUATED_SPLITS[0])
+
+    @cached_property
+    def _told_of_pictures(self) -> dict[str, Any]:
+        """What an evaluation is told of pictures; see `pictured_samples`."""
+        return pictured_samples(self.files)
+
+    @property
+    def pictured(self) -> list[str]:
+        """Held-out samples that pictures are taken of."""
+        return self._told_of_pictures["samples"] + self._told_of_pictures["others"]
+
+    def _find_in_pictures(self) -> Task:
+        files, samples = self.files, self.pictured
+        return Task(
+            f"{_HERE}.pictures.evaluate:evaluate",
+            {
+                **files.bodies,
+                "network": f"{self.folder}/{PICTURES}",
+                "model": f"{self.folder}/{self.shown}",
+                "data": files.static,
+                "pictures": f"{self.folder}/data/pictures",
+                "samples": files.shards_of(files.samples, samples),
+                "registrations": files.shards_of(files.registrations, samples),
+            },
+            {**self._told_of_pictures, "seed": self.seed},
+            seconds=60 + 10 * len(samples),
+            megabytes=1500,
+        )
 
     def _floor(self) -> Task:
         samples, files = self.simulated_again, self.files
@@ -515,6 +593,7 @@ class _GcvaeTasks:
                     "gcvae_errors.png", "figure 7: reconstructions and their errors", "gcvae_errors"
                 ),
             ),
+            **({"plot_gcvae_pictures": self._plot_pictures()} if self.pictured else {}),
             **({"show_gcvae_animated": self._show_animated()} if self._animated_pages() else {}),
             "compare_gcvae_samples": figure(
                 f"{_HERE}.likeness:compare_with_real",
@@ -548,6 +627,21 @@ class _GcvaeTasks:
                 ),
             ),
         }
+
+    def _plot_pictures(self) -> Figure:
+        return figure(
+            "drapeline.report.models.gcvae.pictures:plot_evaluated",
+            {
+                "evaluated": f"{self.folder}/evaluated/{PICTURES}",
+                # The same pictures, as SMPLicit's fit sees them.
+                "fitted": f"{self.files.results}/smplicit/evaluated/images",
+            },
+            {"most": 8, "rays": self.files.config["renders"]["rays"]},
+            environment="report",
+            picture=ReportFile(
+                "gcvae_pictures.png", "figure 11: garments from pictures", "gcvae_pictures"
+            ),
+        )
 
     def _show_animated(self) -> Figure:
         pages = self._animated_pages()
@@ -597,6 +691,7 @@ class _GcvaeTasks:
 def _plan(files: ExperimentFiles) -> ModelPlan:
     tasks = _GcvaeTasks(files)
     return ModelPlan(
+        data=tasks.data(),
         trainings=tasks.trainings(),
         evaluations=tasks.evaluations(),
         samples=tasks.samples(),

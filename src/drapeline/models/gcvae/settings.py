@@ -57,6 +57,9 @@ SHORT_CODE = 18
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
 
 
+# Folder of the network that regresses codes from pictures, and of its evaluation.
+PICTURES = "pictures"
+
 # What moves sampled garments: a cloth solver, or the variant of a model of garments in motion.
 SOLVER = "solver"
 MOVERS = {"dvae": "dvae_unposed_4", "ppca": DYNAMIC_PPCA, SOLVER: None}
@@ -411,6 +414,58 @@ class Animation(Settings):
     )
 
 
+class PictureViews(Settings):
+    """Pictures that a network learns codes from."""
+
+    size_px: int = Field(
+        64,
+        ge=16,
+        le=1024,
+        description="Width and height of the pictures that the network sees, cut to the body.",
+    )
+    per_outfit: int = Field(
+        12,
+        ge=1,
+        le=10_000,
+        description="Pictures of each outfit at rest, in as many poses of samples.",
+    )
+    seed: SkipJsonSchema[int] = Field(0, description="Seed of the poses and of the cameras.")
+
+
+class PictureTraining(StepTraining):
+    """How the network of pictures is trained."""
+
+    steps: int = Field(
+        1000,
+        ge=1,
+        le=10_000_000,
+        description="Steps of the network of pictures, in whole passes over them.",
+    )
+    batch: int = Field(32, ge=2, le=4096, description="Garments in pictures per step.")
+    learning_rate: float = Field(0.002, gt=0, le=1, description="Learning rate of Adam.")
+    schedule: Literal["constant", "one_cycle"] = Field(
+        "one_cycle", description="Schedule of the learning rate."
+    )
+
+
+class PictureNetwork(Settings):
+    """The network that regresses codes from pictures."""
+
+    width: int = Field(
+        16,
+        ge=1,
+        le=1024,
+        description="Channels of the first stage of the ResNet-18, 64 of the common one.",
+    )
+    training: PictureTraining = PictureTraining()
+
+
+class Pictures(PictureNetwork):
+    """Codes of garments at rest from pictures of them as they are worn."""
+
+    views: PictureViews = PictureViews()
+
+
 class GcvaeSettings(Settings):
     """The graph conditional variational auto-encoders of garments at rest (svae) and in motion
     (dvae).
@@ -426,3 +481,4 @@ class GcvaeSettings(Settings):
     evaluation: Evaluation = Evaluation()
     sampling: Sampling = Sampling()
     animation: Animation = Animation()
+    pictures: Pictures = Pictures()

@@ -1,11 +1,12 @@
 """What an experiment does with SMPLicit."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
-from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
     EvaluationTask,
     Figure,
@@ -51,11 +52,6 @@ class SmplicitFiles:
             **self._files.hanging,
             "seed": self._files.config["seed"],
         }
-
-    def knows(self, planned: SamplePlan) -> bool:
-        """Whether a planned sample wears a garment that one of the models learns."""
-        garments = planned.outfit_type.split("+")
-        return any(MODEL_OF_GARMENT[garment] in self.names for garment in garments)
 
 
 class _SmplicitTasks:
@@ -127,9 +123,8 @@ class _SmplicitTasks:
             name: (self._evaluate(name), ("metrics",) if name in self.own.names else ())
             for name in FIELD_MODELS
         }
-        published, others = self._pictured()
-        if published or others:
-            found["images"] = (self._find_in_pictures(published, others), ("metrics",))
+        if self._samples:
+            found["images"] = (self._find_in_pictures(), ("metrics",))
         # Types on which all models are compared, as far as a model here has learned them.
         compared = [
             garment
@@ -161,41 +156,26 @@ class _SmplicitTasks:
             parallel=True,
         )
 
-    def _pictured(self) -> tuple[list[str], list[str]]:
-        """Held-out samples whose garments are looked for in pictures of them.
+    @cached_property
+    def _pictured(self) -> dict[str, Any]:
+        """What an evaluation is told of pictures; see `pictured_samples`."""
+        return pictured_samples(self.files)
 
-        Of those that are published any will do; of each other group some are taken.
-        """
-        split, published = EVALUATED_SPLITS[0], {group.name for group in self.files.published}
-        count = self.settings["evaluate_images"]["others"]
-        some = self.files.first_of_split(count, split, self.own.knows)
-        return (
-            [
-                plan.sample
-                for group in self.files.published
-                for plan in group.plans
-                if plan.split == split and self.own.knows(plan)
-            ],
-            [one for one in some if self.files.places[one]["group"] not in published],
-        )
+    @property
+    def _samples(self) -> list[str]:
+        """Held-out samples whose garments are looked for in pictures of them."""
+        return self._pictured["samples"] + self._pictured["others"]
 
-    def _find_in_pictures(self, published: list[str], others: list[str]) -> Task:
-        asked = self.settings["evaluate_images"]
+    def _find_in_pictures(self) -> Task:
+        told = self._pictured
         return Task(
             f"{_HERE}.pictures.evaluate:evaluate_images",
             {
                 "models": self.own.models,
-                "samples": self.files.shards_of(self.files.samples, published + others),
+                "samples": self.files.shards_of(self.files.samples, self._samples),
             },
-            {
-                **self.own.draping("fit_images"),
-                "split": EVALUATED_SPLITS[0],
-                "samples": published,
-                "pictures": asked["count"],
-                "others": others,
-                "size_px": asked["size_px"],
-            },
-            seconds=30 * (asked["count"] + len(others)),
+            {**self.own.draping("fit_images"), **told},
+            seconds=30 * (told["pictures"] + len(told["others"])),
             megabytes=2000,
             modules=[self.files.hanging_solver],
         )
@@ -269,7 +249,7 @@ class _SmplicitTasks:
                 picture=_shown("garments.png", "held-out garments rebuilt from their codes"),
             ),
         }
-        if any(self._pictured()):
+        if self._samples:
             found["plot_fit_images"] = figure(
                 f"{_PAGES}.figures:plot_evaluated_pictures",
                 {"evaluated": f"{evaluated}/images"},
@@ -353,7 +333,7 @@ class _SmplicitTasks:
         names = [*(f"{sheet}.png" for sheet in _SHEETS), "posed.png", "moving.png"]
         pictures = {"evaluate_images": [f"{self.folder}/evaluated/images"]}
         return {
-            **(pictures if any(self._pictured()) else {}),
+            **(pictures if self._samples else {}),
             "smplicit_gallery": [
                 f"{report}_codes.html",
                 *(f"{report}_{model}_{name}" for model in self.gallery["models"] for name in names),

@@ -10,6 +10,7 @@ from trimesh.creation import icosahedron
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.predictions import BODY_PIXEL, FIRST_GARMENT_PIXEL, UNKNOWN_PIXEL
 from drapeline.outfits.garment_types import BODY, GARMENTS, LABELS
 from drapeline.rendering.camera import Camera, look_at, view_direction
 from drapeline.rendering.pictures import GridCell, heat_parts, save_grid
@@ -28,6 +29,7 @@ _POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
 _DEPTH_LEVELS, _HAZE = 6, 0.6  # distant points are drawn paler, so that near ones stand out
 HEAT_SPAN_MM = 30.0
 _TARGET_HEIGHT_M = 0.95
+_UNKNOWN_COLOUR = (0.9, 0.9, 0.6)
 _EMPTY = 255  # white, like the background of the others
 
 
@@ -136,6 +138,14 @@ def share_scale(scenes: Sequence[Scene]) -> list[Scene]:
 def worn_parts(wearer: Mesh, garments: Mapping[str, Mesh]) -> list[ColouredMesh]:
     """A body in garments (type -> mesh) of their types' colours; empty meshes are left out."""
     return _coloured({BODY: wearer, **garments})
+
+
+def label_colours(labels: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 segmentation (H, W) in the colours of garments."""
+    colours = np.ones((FIRST_GARMENT_PIXEL + len(GARMENTS), 3))
+    colours[BODY_PIXEL], colours[UNKNOWN_PIXEL] = BODY_COLOUR, _UNKNOWN_COLOUR
+    colours[FIRST_GARMENT_PIXEL:] = [garment_colour(garment) for garment in GARMENTS]
+    return np.round(255 * colours).astype(np.uint8)[labels]
 
 
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:

@@ -5,6 +5,7 @@ import yaml
 
 from drapeline.errors import InputError
 from drapeline.models.gcvae.plan import MODEL
+from drapeline.models.smplicit.plan import MODEL as SMPLICIT
 from toys.plans import files_of
 from toys.snakemake_run import ROOT
 
@@ -68,3 +69,19 @@ def _moved(config):
 def test_a_mover_that_there_is_not_is_refused():
     with pytest.raises(InputError, match="wind"):
         animated(movers=["wind"])
+
+
+def test_pictures_are_those_that_smplicit_is_evaluated_on():
+    files = files_of(TINY)
+    own = MODEL.plan(files).evaluations["evaluated/pictures"].task
+    theirs = SMPLICIT.plan(files).evaluations["evaluated/images"].task
+    for name in ("split", "samples", "pictures", "others", "size_px", "seed"):
+        assert own.params[name] == theirs.params[name]
+    assert own.input["samples"] == theirs.input["samples"]
+
+
+def test_the_network_learns_the_codes_that_are_shown():
+    gcvae = {**TINY["gcvae"], "sampling": {"variant": "svae"}}
+    plan = MODEL.plan(files_of({**TINY, "gcvae": gcvae}))
+    tasks = (plan.trainings["pictures"], plan.evaluations["evaluated/pictures"].task)
+    assert all(task.input["model"].endswith("gcvae/svae") for task in tasks)

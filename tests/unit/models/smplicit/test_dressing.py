@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.dressing import FittedGarment, keep_topology, use_draped
+from drapeline.models.pictures.dressed import FittedGarment, use_draped
+from drapeline.models.smplicit.dressing import keep_topology
 from drapeline.outfits.worn import DrapedSheet
 from toys.gallery import tube_mesh
 

@@ -8,30 +8,30 @@ from drapeline.bodies.follow import PosedBody, add_cloth, pose_body
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError
 from drapeline.metrics.garment import mask_iou
-from drapeline.models.smplicit.dressing import (
-    BodyShape,
+from drapeline.models.pictures.dressed import (
     Draper,
     FittedGarment,
-    decode_worn,
-    keep_topology,
+    drape_outfit,
+    drape_sheets,
+    posed_person,
+    seen_parts,
     use_draped,
 )
+from drapeline.models.pictures.read import (
+    Person,
+    Picture,
+    class_of_garment,
+)
+from drapeline.models.smplicit.dressing import BodyShape, decode_worn, keep_topology
 from drapeline.models.smplicit.model import SmplicitModel, check_gender, finite
 from drapeline.models.smplicit.pictures.fit import skinning_options
 from drapeline.models.smplicit.pictures.garments import (
+    MODEL_OF_CLASS,
     GarmentView,
     Observation,
     decode_nearest,
     fit_codes_to_views,
     observe,
-    posed_person,
-    seen_parts,
-)
-from drapeline.models.smplicit.pictures.read import (
-    GARMENT_CLASSES,
-    Person,
-    Picture,
-    class_of_garment,
 )
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.outfits.worn import DrapedSheet
@@ -65,9 +65,9 @@ def drape_picture(
     """
     draped = []
     for index, (person, outfit) in enumerate(zip(picture.people, people, strict=True)):
-        body = posed_person(person, models)
+        body = posed_person(person, next(iter(models.values())).bodies)
         observed = {
-            name: observe(picture, index, name, models[GARMENT_CLASSES[name].model], body)
+            name: observe(picture, index, name, models[MODEL_OF_CLASS[name]], body)
             for name in outfit
         }
         draped.append(drape_person(person, outfit, observed, settings, meshing, seed, draper))
@@ -121,15 +121,15 @@ def drape_candidates(
     Returns:
         Those that can be draped; if none can, the fitted one as it is.
     """
-    models = {GARMENT_CLASSES[name].model: one.model for name, one in observed.items()}
+    bodies = next(iter(observed.values())).model.bodies
     outfit = keep_topology(outfit, nearest)
-    ways = {"nearest": drape_outfit(nearest, person, models, draper)}
-    draped = _drape_sheets(outfit, person, models, draper)
+    ways = {"nearest": drape_outfit(nearest, person, bodies, draper)}
+    draped = drape_sheets(outfit, person, bodies, draper)
     if draped:
         codes = _fit_to_cloth(person, outfit, draped, observed, settings, seed)
         wearer = BodyShape(person.gender, person.shape)
         again = decode_worn(_body(observed), wearer, codes, skinning_options(settings), meshing)
-        ways["again"] = drape_outfit(keep_topology(again, nearest), person, models, draper)
+        ways["again"] = drape_outfit(keep_topology(again, nearest), person, bodies, draper)
         ways["fitted"] = use_draped(outfit, draped)
     return {name: way for name, way in ways.items() if way} or {"fitted": outfit}
 
@@ -178,40 +178,6 @@ def _silhouette_iou(
 
 def _body(observed: Mapping[str, Observation]) -> PosedBody:
     return next(iter(observed.values())).view.body
-
-
-def drape_outfit(
-    outfit: Mapping[str, FittedGarment],
-    person: Person,
-    models: Mapping[str, SmplicitModel],
-    draper: Draper,
-) -> dict[str, FittedGarment]:
-    """The garments of a person as they hang; nothing if that fails."""
-    draped = _drape_sheets(outfit, person, models, draper)
-    return use_draped(outfit, draped) if draped else {}
-
-
-def _drape_sheets(
-    outfit: Mapping[str, FittedGarment],
-    person: Person,
-    models: Mapping[str, SmplicitModel],
-    draper: Draper,
-) -> dict[str, DrapedSheet]:
-    """Class -> sheet as it hangs. What is upright in the picture is taken for upright."""
-    draped = draper(
-        {GARMENT_CLASSES[name].garment: garment.sheet for name, garment in outfit.items()},
-        next(iter(models.values())).bodies[person.gender],
-        person.gender,
-        person.shape,
-        person.pose,
-        person.trans,
-        -person.camera.axes[1],
-    )
-    return {
-        name: draped[GARMENT_CLASSES[name].garment]
-        for name in outfit
-        if GARMENT_CLASSES[name].garment in draped
-    }
 
 
 def fit_image(

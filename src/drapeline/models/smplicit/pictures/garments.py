@@ -1,19 +1,18 @@
 """Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import PosedBody, pose_body
+from drapeline.bodies.follow import PosedBody
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import Mesh
-from drapeline.geometry.obj import save_obj
-from drapeline.metrics.predictions import FittedPicture, PersonShown, label_of
-from drapeline.models.smplicit.dressing import BodyShape, FittedGarment, decode_worn
+from drapeline.models.pictures.dressed import FittedGarment, posed_person
+from drapeline.models.pictures.read import GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.dressing import BodyShape, decode_worn
+from drapeline.models.smplicit.garments import MODEL_OF_GARMENT
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.fit import (
     SeenPoints,
@@ -23,14 +22,12 @@ from drapeline.models.smplicit.pictures.fit import (
     skinning_options,
     space_points,
 )
-from drapeline.models.smplicit.pictures.read import CLASSES, GARMENT_CLASSES, Person, Picture
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.models.smplicit.surface.fields import REACH_M
 from drapeline.rendering.camera import Camera
-from drapeline.rendering.modalities import cast_rays
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, save_npz, write_rows
 
+MODEL_OF_CLASS = {name: MODEL_OF_GARMENT[garment] for name, garment in GARMENT_CLASSES.items()}
 # No garment at rest is further from the body; tops and trousers are closer than those with skirts.
 _REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": REACH_M, "whole": REACH_M}
 
@@ -95,8 +92,8 @@ def observe_points(
 
 def codes_of_class(model: SmplicitModel, name: str) -> np.ndarray:
     """(n, cut + style) training codes of what a class may be: for upper bodies, of any type."""
-    key, garment = GARMENT_CLASSES[name]
-    return model.codes.z if key == "upper" else model.codes_of(garment)
+    upper = MODEL_OF_CLASS[name] == "upper"
+    return model.codes.z if upper else model.codes_of(GARMENT_CLASSES[name])
 
 
 def fit_codes_to_views(
@@ -166,16 +163,17 @@ def fit_picture(
         InputError: a model is missing, or a garment cannot be fitted; see `observe_points`.
     """
     wanted = [(i, name) for i, one in enumerate(picture.people) for name in one.garments]
-    missing = {GARMENT_CLASSES[name].model for _, name in wanted} - set(models)
+    missing = {MODEL_OF_CLASS[name] for _, name in wanted} - set(models)
     if missing:
         raise InputError(
             f"{picture.name}: shows garments of the model {min(missing)}, expected only those of"
             f" {', '.join(models)}"
         )
-    bodies = [posed_person(person, models) for person in picture.people]
+    own_bodies = next(iter(models.values())).bodies
+    bodies = [posed_person(person, own_bodies) for person in picture.people]
     codes: dict[tuple[int, str], np.ndarray] = {}
     for kind in dict.fromkeys(name for _, name in wanted):
-        model = models[GARMENT_CLASSES[kind].model]
+        model = models[MODEL_OF_CLASS[kind]]
         own = [(i, name) for i, name in wanted if name == kind]
         observed = [observe(picture, i, kind, model, bodies[i]) for i, _ in own]
         wearers = [BodyShape(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
@@ -187,21 +185,12 @@ def fit_picture(
         decode_worn(
             body,
             BodyShape(person.gender, person.shape),
-            {
-                name: (models[GARMENT_CLASSES[name].model], codes[i, name])
-                for name in person.garments
-            },
+            {name: (models[MODEL_OF_CLASS[name]], codes[i, name]) for name in person.garments},
             skinning_options(settings),
             meshing,
         )
         for i, (person, body) in enumerate(zip(picture.people, bodies, strict=True))
     ]
-
-
-def posed_person(person: Person, models: Mapping[str, SmplicitModel]) -> PosedBody:
-    """The body of a person in a picture, at rest and posed."""
-    body = next(iter(models.values())).bodies[person.gender]
-    return pose_body(body, person.shape, person.pose, person.trans)
 
 
 def observe(
@@ -239,78 +228,3 @@ def decode_nearest(
         codes[name] = model, every[ranked[0]]
     body = next(iter(observed.values())).view.body
     return decode_worn(body, wearer, codes, skinning_options(settings), meshing)
-
-
-def seen_parts(body: PosedBody, garments: Sequence[Mesh], camera: Camera) -> np.ndarray:
-    """(H, W) what a camera sees of a dressed body: 0 nothing, 1 skin, 2 and so on a garment."""
-    meshes = [(body.posed, body.faces), *((m.vertices, m.faces) for m in garments)]
-    numbers = [number for number, (_, faces) in enumerate(meshes, 1) if len(faces)]
-    cast = [(v, f, np.zeros_like(v)) for v, f in meshes if len(f)]
-    return np.array([0, *numbers])[cast_rays(cast, camera).segments]
-
-
-def write_fitted(
-    folder: str | Path, picture: Picture, people: Sequence[Mapping[str, FittedGarment]]
-) -> None:
-    """Write what was found in a picture.
-
-    For each garment `person1_upper_rest.obj` and `person1_upper.obj`, posed; codes in `codes.npz`;
-    and `garments.tsv` with a row for each.
-
-    Args:
-        folder: to write; replaces an earlier one.
-        people: what `fit_picture` found.
-    """
-    rows, codes = [], {}
-    with atomic_folder(folder) as scratch:
-        for number, (person, outfit) in enumerate(zip(picture.people, people, strict=True), 1):
-            for name, garment in outfit.items():
-                stem = f"person{number}_{name}"
-                save_obj(scratch / f"{stem}_rest.obj", garment.sheet)
-                save_obj(scratch / f"{stem}.obj", garment.posed)
-                codes[stem] = garment.z
-                shown = picture.shows(person, name)
-                rows.append(
-                    {
-                        "person": number,
-                        "gender": person.gender,
-                        "garment": name,
-                        "pixels": int(shown.sum()),
-                        "vertices": len(garment.sheet.vertices),
-                        "faces": len(garment.sheet.faces),
-                    }
-                )
-        save_npz(scratch / "codes.npz", **codes)
-        write_rows(scratch / "garments.tsv", rows)
-
-
-def shown_picture(
-    picture: Picture,
-    models: Mapping[str, SmplicitModel],
-    people: Sequence[Mapping[str, FittedGarment]],
-) -> FittedPicture:
-    """A picture, the models it was looked at with, and what `fit_picture` found, for figures."""
-    shown = []
-    for person, outfit in zip(picture.people, people, strict=True):
-        body = posed_person(person, models)
-        garments = {GARMENT_CLASSES[name].garment: found.posed for name, found in outfit.items()}
-        shown.append(shown_person(person, body, garments, {}))
-    return FittedPicture(picture.name, shown_labels(picture.classes), picture.photo, tuple(shown))
-
-
-def shown_person(
-    person: Person, body: PosedBody, garments: Mapping[str, Mesh], true: Mapping[str, Mesh]
-) -> PersonShown:
-    """A person of a figure; see `PersonShown`."""
-    camera = person.camera
-    posed = Mesh(body.posed.astype(np.float32), body.faces)
-    return PersonShown(camera.intrinsics, camera.world_to_camera, posed, garments, true)
-
-
-def shown_labels(classes: np.ndarray) -> np.ndarray:
-    """(H, W) labels of `metrics.predictions` of indices into `CLASSES`."""
-    table = [
-        index if name not in GARMENT_CLASSES else label_of(GARMENT_CLASSES[name].garment)
-        for index, name in enumerate(CLASSES)
-    ]
-    return np.array(table, dtype=np.uint8)[classes]

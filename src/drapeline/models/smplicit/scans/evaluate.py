@@ -14,7 +14,7 @@ from drapeline.job import Job
 from drapeline.metrics.predictions import BODY, FITTED, save_fitted_scans
 from drapeline.metrics.table import join, write_evaluation
 from drapeline.models.compare import body_rows, compare_scan_fits, known_scans, skin_of, truth_shown
-from drapeline.models.smplicit.dressing import Draper, use_draped
+from drapeline.models.pictures.dressed import Draper, use_draped
 from drapeline.models.smplicit.garments import MODEL_OF_GARMENT
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.scans.fit import fit_scan

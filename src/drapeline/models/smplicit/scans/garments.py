@@ -17,14 +17,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.garment import distances_mm
 from drapeline.metrics.predictions import BODY, Fits
-from drapeline.models.smplicit.dressing import (
-    BodyShape,
-    Draper,
-    FittedGarment,
-    decode_worn,
-    keep_topology,
-    use_draped,
-)
+from drapeline.models.pictures.dressed import Draper, FittedGarment, use_draped
+from drapeline.models.smplicit.dressing import BodyShape, decode_worn, keep_topology
 from drapeline.models.smplicit.garments import MODEL_OF_GARMENT
 from drapeline.models.smplicit.model import SmplicitModel, check_gender, finite
 from drapeline.models.smplicit.scans.fit import ScanFits, fit_scan, fit_to_cloth

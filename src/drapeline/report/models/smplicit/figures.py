@@ -7,15 +7,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.metrics.garment import distances_mm
 from drapeline.metrics.predictions import (
-    BODY_PIXEL,
-    FIRST_GARMENT_PIXEL,
-    UNKNOWN_PIXEL,
     FittedPicture,
     GalleryGarment,
     PersonShown,
@@ -23,7 +19,6 @@ from drapeline.metrics.predictions import (
     WornGarment,
     load_fitted_picture,
 )
-from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.camera import Camera, facing_direction
 from drapeline.rendering.modalities import cast_rays
 from drapeline.rendering.pictures import (
@@ -39,6 +34,7 @@ from drapeline.report.models.scene import (
     GarmentPicture,
     Scene,
     fit_scene,
+    label_colours,
     plot_views,
     share_scale,
     spread_frames,
@@ -69,7 +65,6 @@ KNOWN_COLUMNS = (
 _OWN_PX, _KNOWN_PX = 480, 260
 _WIDEST = 1.6  # times as wide as high
 _FADE = 0.65  # of a picture towards white, below what was found in it
-_UNKNOWN_COLOUR = (0.9, 0.9, 0.6)
 _TURN = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])  # a quarter turn about the vertical
 _SIDE_DISTANCE_M, _SIDE_MARGIN = 7.0, 1.1
 _FLOATING_M = 50.0  # high above the floor, whose shadows would fall on the picture
@@ -209,14 +204,6 @@ def plot_known_pictures(path: str | Path, pictures: Sequence[FittedPicture]) -> 
         columns=KNOWN_COLUMNS,
         labels=[picture.name.replace("_", "\nframe ") for picture in pictures],
     )
-
-
-def label_colours(labels: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8 segmentation (H, W) in the colours of garments."""
-    colours = np.ones((FIRST_GARMENT_PIXEL + len(GARMENTS), 3))
-    colours[BODY_PIXEL], colours[UNKNOWN_PIXEL] = BODY_COLOUR, _UNKNOWN_COLOUR
-    colours[FIRST_GARMENT_PIXEL:] = [garment_colour(garment) for garment in GARMENTS]
-    return np.round(255 * colours).astype(np.uint8)[labels]
 
 
 def _seen(picture: FittedPicture, kind: str) -> list[np.ndarray]:

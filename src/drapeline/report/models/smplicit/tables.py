@@ -17,7 +17,8 @@ from drapeline.storage import read_rows, write_rows
 _PICTURED = tuple(name for name in variants(MODEL) if name.startswith(f"{MODEL}_images_"))
 _HELD = tuple(name for name in variants(MODEL) if name not in _PICTURED)
 # Of pictures, whose garments are few and away by centimetres.
-_WHOLE = dict.fromkeys(("segmentation_accuracy", "surface_to_true_mm", "true_to_surface_mm"), 0)
+_SURFACES = ("surface_to_true_mm", "true_to_surface_mm", "rest_to_true_mm", "true_to_rest_mm")
+_WHOLE = dict.fromkeys(("segmentation_accuracy", *_SURFACES), 0)
 _held = partial(MetricTable, _HELD)
 _SECTIONS = (
     Section(
@@ -46,7 +47,7 @@ _SECTIONS = (
             _PICTURED,
             (
                 *("silhouette_iou", "better_than_mean_share", "segmentation_accuracy"),
-                *("surface_to_true_mm", "true_to_surface_mm"),
+                *_SURFACES,
             ),
             digits=_WHOLE,
         ),

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from drapeline.geometry.mesh import Mesh
+from drapeline.models.pictures.dressed import posed_person, seen_parts
 from drapeline.models.smplicit.dressing import BodyShape
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures import drape
@@ -10,12 +11,7 @@ from drapeline.models.smplicit.pictures.drape import (
     drape_candidates,
     drape_picture,
 )
-from drapeline.models.smplicit.pictures.garments import (
-    decode_nearest,
-    fit_picture,
-    observe,
-    posed_person,
-)
+from drapeline.models.smplicit.pictures.garments import decode_nearest, fit_picture, observe
 from drapeline.outfits.worn import DrapedSheet
 from toys.gallery import TubeField
 from toys.smplicit import MESHING, QUICK, street, toy_camera
@@ -52,7 +48,7 @@ def found(fitting_model, skirt, monkeypatch):
     monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
     models, picture = {"skirt": fitting_model}, street(skirt, ("skirt",))
     (outfit,) = fit_picture(picture, models, QUICK, MESHING, 0)
-    body = posed_person(picture.people[0], models)
+    body = posed_person(picture.people[0], fitting_model.bodies)
     observed = {"skirt": observe(picture, 0, "skirt", fitting_model, body)}
     wearer = BodyShape("male", np.zeros(10))
     return picture, outfit, decode_nearest(observed, wearer, QUICK, MESHING, 0), observed
@@ -111,7 +107,7 @@ def test_garments_hang_and_are_fitted_anew(found, monkeypatch, times, ways):
 @pytest.mark.portable
 def test_the_outfit_is_taken_that_looks_most_like_the_picture(found):
     _, outfit, _, observed = found
-    parts = drape.seen_parts(observed["skirt"].view.body, [outfit["skirt"].posed], toy_camera())
+    parts = seen_parts(observed["skirt"].view.body, [outfit["skirt"].posed], toy_camera())
     view = observed["skirt"].view._replace(shown=parts == 2)
     observed = {"skirt": observed["skirt"]._replace(view=view)}
     near, far = moved(outfit, [0.03, 0, 0]), moved(outfit, [0, 0, 0.3])

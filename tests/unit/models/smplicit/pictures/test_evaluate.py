@@ -3,19 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.models.smplicit.dressing import FittedGarment
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.pictures.dressed import FittedGarment
+from drapeline.models.pictures.known import take_pictures
+from drapeline.models.pictures.read import CLASSES
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.evaluate import (
     PictureEvaluation,
     join_people,
     measure_outfit,
     silhouette_iou,
-    take_pictures,
 )
-from drapeline.models.smplicit.pictures.read import CLASSES
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.outfits.worn import DrapedSheet
 from toys.gallery import TubeField, save_toy_model, training_codes
@@ -40,66 +39,27 @@ def tiny(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def pictures(models, tiny):
-    return take_pictures([tiny.folder], models, **SETTINGS, seed=3)
+    return take_pictures([tiny.folder], models["skirt"].bodies, ["skirt"], **SETTINGS, seed=3)
 
 
 def outfit_of(meshes):
     return {name: FittedGarment(np.zeros(18), mesh, mesh) for name, mesh in meshes.items()}
 
 
-def test_pictures_are_of_different_frames_and_sides(pictures, tiny, toy_body):
-    assert [known.picture.name for known in pictures] == ["00001_001", "00001_004"]
-    first, second = (known.person.camera for known in pictures)
-    # From opposite sides.
-    assert first.axes[0] @ second.axes[0] == pytest.approx(-1, abs=0.05)
-    for known, frame in zip(pictures, (1, 4), strict=True):
-        # Root-relative, as the garments' caches are.
-        bodies, _ = posed_vertices(toy_body, tiny.shape, tiny.poses[frame : frame + 1])
-        assert known.body.posed - known.body.posed[0] == pytest.approx(
-            bodies[0] - bodies[0, 0], abs=1e-5
-        )
-        for name, garment in (("upper", "Tshirt"), ("skirt", "Skirt")):
-            assert known.garments[name] == garment
-            assert np.array_equal(known.true[name].vertices, tiny.vertices[garment][frame])
-            assert np.array_equal(known.true[name].faces, triangulate(tiny.meshes[garment].faces))
-
-
-@pytest.mark.parametrize(
-    ("count", "expected"), [(1, [0]), (2, [0, 1]), (4, [0, 0, 1, 2]), (7, [0, 0, 0, 1, 1, 2, 2])]
-)
-def test_pictures_are_spread_over_samples(models, toy_body, tmp_path, count, expected):
-    samples = [
-        write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder
-        for index in range(3)
-    ]
-    pictures = take_pictures(samples, models, count=count, size_px=8, seed=0)
-    assert [int(known.picture.name.split("_")[0]) for known in pictures] == expected
-    assert len({known.picture.name for known in pictures}) == count
-
-
-def test_only_garments_that_a_model_has_learned_are_looked_for(pictures):
-    for known in pictures:
-        assert known.person.garments == ("skirt",)
-        assert (known.picture.classes == CLASSES.index("upper")).any()
-
-
-def test_bodies_fill_the_picture(pictures):
-    for known in pictures:
-        seen = known.picture.classes > 0
-        rows, columns = np.nonzero(seen)
-        longest = max(np.ptp(rows), np.ptp(columns))
-        assert 0.6 * SETTINGS["size_px"] < longest < SETTINGS["size_px"] - 1
-
-
 def test_the_truth_measures_as_such(pictures):
     for known in pictures:
-        rows = measure_outfit(known, outfit_of(known.true))
+        worn = outfit_of(known.true)
+        rows = measure_outfit(
+            known, {name: one._replace(sheet=known.rest[name]) for name, one in worn.items()}
+        )
         assert set(rows) == {"upper", "skirt"}
         for row in rows.values():
             assert row["silhouette_iou"] == 1
             assert row["segmentation_accuracy"] == 1
             assert row["surface_to_true_mm"] == pytest.approx(0, abs=0.01)
             assert row["true_to_surface_mm"] == pytest.approx(0, abs=0.01)
+            assert row["rest_to_true_mm"] == pytest.approx(0, abs=0.01)
+            assert row["true_to_rest_mm"] == pytest.approx(0, abs=0.01)
 
 
 def test_a_shifted_garment_measures_worse(pictures):
@@ -239,7 +199,9 @@ def test_hung_garments_stand_beside_the_mean_code_hung_as_well(models, pictures,
 
 def test_pictures_without_garments_are_refused(models, tiny):
     other = {"trousers": models["skirt"]}
-    pictures = take_pictures([tiny.folder], other, **SETTINGS, seed=3)
+    pictures = take_pictures(
+        [tiny.folder], models["skirt"].bodies, ["trousers"], **SETTINGS, seed=3
+    )
     evaluation = PictureEvaluation(
         other, fit=QUICK, meshing=Meshing(cell_m=0.03, threshold_m=0.018), seed=0
     )

@@ -6,6 +6,7 @@ import pytest
 from drapeline.bodies.follow import PosedBody
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.models.pictures.dressed import posed_person, seen_parts
 from drapeline.models.smplicit.dressing import BodyShape
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures import garments
@@ -14,8 +15,6 @@ from drapeline.models.smplicit.pictures.garments import (
     decode_nearest,
     fit_picture,
     observe,
-    posed_person,
-    seen_parts,
 )
 from drapeline.outfits.garment_types import GARMENTS
 from toys.gallery import TubeField
@@ -68,7 +67,7 @@ def test_the_nearest_garment_is_the_training_garment_with_the_least_loss(
     monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
     monkeypatch.setattr(garments, "rank_codes", lambda *_: np.array([3, 0, 2, 1]))
     picture = street(skirt, ("skirt",))
-    body = posed_person(picture.people[0], {"skirt": fitting_model})
+    body = posed_person(picture.people[0], fitting_model.bodies)
     observed = {"skirt": observe(picture, 0, "skirt", fitting_model, body)}
     found = decode_nearest(observed, BodyShape("male", np.zeros(10)), QUICK, MESHING, 0)
     assert (found["skirt"].z == fitting_model.codes.z[3]).all()

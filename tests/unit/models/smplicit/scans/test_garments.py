@@ -6,7 +6,7 @@ import pytest
 from drapeline.bodies.moved_body import BodyState
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.dressing import FittedGarment
+from drapeline.models.pictures.dressed import FittedGarment
 from drapeline.models.smplicit.scans import garments
 from drapeline.models.smplicit.scans.fit import FittedScan, ScanFits
 from drapeline.models.smplicit.scans.garments import drape_scan

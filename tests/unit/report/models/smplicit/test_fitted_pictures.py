@@ -11,8 +11,8 @@ from drapeline.metrics.predictions import BODY_PIXEL, FittedPicture, PersonShown
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.colours import garment_colour
+from drapeline.report.models.scene import label_colours
 from drapeline.report.models.smplicit.figures import (
-    label_colours,
     plot_known_pictures,
     plot_own_picture,
 )

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
+from drapeline.models.pictures.files import files_of_picture, picture_files
 
 
 def write(path, **entries):

@@ -6,7 +6,7 @@ from PIL import Image
 
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.models.smplicit.pictures.read import (
+from drapeline.models.pictures.read import (
     CLASSES,
     GARMENT_CLASSES,
     LABELS,

@@ -26,7 +26,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -44,21 +44,15 @@ _FAR_M = 400.0  # from where a pinhole's picture is that of a weak perspective, 
 _CROP_PX = 224  # of the crops that most body estimators look at
 
 
-class GarmentClass(NamedTuple):
-    """A class of garments that segmentations tell apart."""
-
-    model: str  # of `FIELD_MODELS`
-    garment: str  # the type that stands for it in colours and file names
-
-
-# From the innermost to the outermost: what is worn over a garment hides it.
+# Classes of garments that segmentations tell apart, and the type that stands for each in colours
+# and file names. From the innermost to the outermost: what is worn over a garment hides it.
 GARMENT_CLASSES = {
-    "trousers": GarmentClass("trousers", "Trousers"),
-    "skirt": GarmentClass("skirt", "Skirt"),
-    "jumpsuit": GarmentClass("whole", "Jumpsuit"),
-    "dress": GarmentClass("whole", "Dress"),
-    "upper": GarmentClass("upper", "Tshirt"),
-    "coat": GarmentClass("upper", "Jacket"),
+    "trousers": "Trousers",
+    "skirt": "Skirt",
+    "jumpsuit": "Jumpsuit",
+    "dress": "Dress",
+    "upper": "Tshirt",
+    "coat": "Jacket",
 }
 BACKGROUND, BODY, UNKNOWN = "background", "body", "unknown"
 CLASSES = (BACKGROUND, BODY, UNKNOWN, *GARMENT_CLASSES)
@@ -71,7 +65,7 @@ def class_of_garment(garment: str) -> str:
         return "coat"
     return next(
         name
-        for name, (_, stands) in GARMENT_CLASSES.items()
+        for name, stands in GARMENT_CLASSES.items()
         if stands == garment or (kind.region == "upper" and name == "upper")
     )
 
