@@ -26,7 +26,6 @@ from drapeline.dataset.shards import samples_of
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.shared import TRAINING_ERROR
-from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.registration_table import SUMMARY
@@ -75,19 +74,6 @@ METRIC_TABLES = {
     "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], TEMPLATE_TYPES),
     "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
     "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
-    "by_solver": MetricTable(
-        (
-            *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_ridge"),
-            *("skinned_mean", "skinned_static", *FLOOR),
-            *("regression", "canonical", "untrained", "posed", "ours"),
-        ),
-        ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
-        (*TEMPLATE_TYPES, ALL),
-        down=("metric", "garment", "variant"),
-        across="source",
-        best=False,
-        count="Number",
-    ),
     "smplicit": MetricTable(
         [name for name in variants("smplicit") if name.endswith(HELD) and "images" not in name],
         (*SURFACES, "normal_error_deg", "openings_right"),

@@ -7,7 +7,7 @@ from statistics import median
 import pytest
 import yaml
 
-from drapeline.models.gcvae.settings import DVAE_VARIANTS, SVAE_VARIANTS
+from drapeline.models.gcvae.settings import DVAE_VARIANTS, PICTURES, SVAE_VARIANTS
 from drapeline.models.registry import models
 from toys.plans import files_of, tasks_of
 from toys.snakemake_run import ROOT, snakemake
@@ -116,7 +116,7 @@ def test_trainings_and_the_evaluation_of_garment4d_can_use_a_gpu():
         for name, plan in plans.items()
     }
     # Conditionings and PCA have no use for one.
-    assert using["gcvae"] == {*SVAE_VARIANTS, *DVAE_VARIANTS}
+    assert using["gcvae"] == {*SVAE_VARIANTS, *DVAE_VARIANTS, PICTURES}
     assert using["smplicit"] == set(plans["smplicit"].trainings)
     evaluated = {f"evaluated/Skirt{end}" for end in ("", "_ablations")}
     assert using["garment4d"] == {*plans["garment4d"].trainings, *evaluated}
