@@ -23,7 +23,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.baselines import fit_mean_garment
+from drapeline.metrics.baselines import MeanGarment, fit_mean_garment
 from drapeline.metrics.garment import garment_mesh
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import BODY, TRUE, Fits, label_of, save_fitted_scans
@@ -58,6 +58,7 @@ class PictureEvaluation:
         self._codes = encode_untold(model.codec, data, coder.tightness.numpy())
         self._untrained = PictureCoder(coder.settings, coder.size_px, coder.space).eval()
         self._train = pictures.rows("train")
+        self._means = {name: self._fit_mean(name) for name in model.known}
 
     def run(
         self,
@@ -158,13 +159,16 @@ class PictureEvaluation:
         tightness = self._model.coder.tightness.numpy()
         return conditions_of(person.shape[None], np.array([person.gender]), tightness)
 
+    def _fit_mean(self, name: str) -> MeanGarment:
+        """The mean of the training garments of a class."""
+        data, rows = self._data, self._data.rows("train")
+        kinds = np.zeros(len(data), dtype=np.int64)
+        own = rows[self._of_class(name)[rows]]
+        return fit_mean_garment(data.offsets, data.mask, kinds, own, 1)
+
     def _mean_garment(self, name: str, known: KnownPicture) -> Mesh:
         """The mean garment of a class on the wearer's body."""
-        data, own = self._data, self._of_class(name)
-        rows = data.rows("train")
-        template = self._model.codec.body_template
-        kinds = np.zeros(len(data), dtype=np.int64)
-        mean = fit_mean_garment(data.offsets, data.mask, kinds, rows[own[rows]], 1)
+        template, mean = self._model.codec.body_template, self._means[name]
         body = template.rest_body(self._conditions(known)[0])
         faces = template.faces_of(GARMENT_CLASSES[name])
         return garment_mesh(body + mean.offsets[0], faces, mean.mask[0])
