@@ -43,7 +43,7 @@ STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
 FLOOR = ("again_rest_shape", "again_other_solver")
 RECONSTRUCTED = ("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_pca", *FLOOR)
 PREDICTED = (
-    *("dynamic_ppca_prior", "dvae_unposed_4_prior", "wrinkle_ridge"),
+    *("wrinkle_mlp", "dynamic_ppca_prior", "dvae_unposed_4_prior", "wrinkle_ridge"),
     *("skinned_mean", "skinned_static", "skinned_mean_garment", *FLOOR),
 )
 POSED = ("lbs", "untrained", "mgn", "posed", "ours")

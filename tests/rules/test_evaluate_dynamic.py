@@ -12,8 +12,9 @@ from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import read_metrics
 from drapeline.models.gcvae.codec import Codes, save_codes
 from drapeline.models.gcvae.ppca import DynamicPpca
-from drapeline.models.gcvae.settings import PpcaSettings
+from drapeline.models.gcvae.settings import PpcaSettings, WrinkleMlpSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.gcvae.wrinkle_mlp import WrinkleMlp
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
@@ -131,6 +132,23 @@ def test_a_pca_is_measured_as_decoded_and_settled(run_rule, stages_of_ppca, tmp_
     )
     assert decoded.n == settled.n
     assert decoded.value != settled.value
+
+
+def test_a_prediction_is_measured_without_a_code(run_rule, stages_of_ppca, toy_body, tmp_path):
+    size = SETTINGS.network.latent
+    template = template_on_body(toy_body, STATIC_CVAR + 72 * 2 + size)
+    model = WrinkleMlp(WrinkleMlpSettings(latent=size, width=4), template).eval()
+    save_model(tmp_path / "mlp", model)
+    run_rule(
+        "drapeline.models.gcvae.evaluate:evaluate_dynamic",
+        input={**stages_of_ppca, "model": tmp_path / "mlp"},
+        output=[tmp_path / "evaluated"],
+        params={"splits": ["test"], "frames": 2, "variant": "wrinkle_mlp"},
+    )
+    rows = read_metrics(tmp_path / "evaluated/metrics.tsv")
+    assert set(rows["variant"]) == {"wrinkle_mlp"}
+    assert find_value(rows, "wrinkle_mlp", "test", "all", "surface_error_mm").n == 6
+    assert not {"kl_nat", "active_units"} & set(rows["metric"])
 
 
 def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):

@@ -158,6 +158,33 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
     assert mask is None
 
 
+def test_wrinkles_are_learned_from_poses_and_the_static_code(
+    run_rule, collected, stages, static, tmp_path
+):
+    data = collected("unposed")
+    run_rule(
+        "drapeline.models.gcvae.train:train_wrinkle_mlp",
+        input={**stages, "data": data, "static": static},
+        output=[tmp_path / "mlp"],
+        params={
+            "code": "c",
+            "frames": 2,
+            "settings": {"latent": 6, "width": 4, "training": {"steps": 3, "batch": 4}},
+            "trainer": {"accelerator": "cpu"},
+            "progress": str(tmp_path / ".progress" / "m"),
+        },
+    )
+    model = load_codec(tmp_path / "mlp" / "best.safetensors")
+    assert (tmp_path / "mlp" / "history.tsv").is_file()
+    garments = load_dynamic_garments(data, static, 2)
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    with torch.inference_mode():
+        zero = torch.zeros(len(batch["cvar"]), model.latent)
+        offsets, _ = model.decode(zero, batch["cvar"], batch["topology"])
+    assert offsets.shape == (8, VERTICES, 3)
+    assert torch.isfinite(offsets).all()
+
+
 def test_mirrored_conditions_differ_in_the_poses_alone(collected, static):
     garments = load_dynamic_garments(collected("unposed"), static, 2)
     batch = garments.batch(np.arange(3))

@@ -76,6 +76,9 @@ def collect_static(
     return len(rows["split"])
 
 
+CONDITIONS = 13  # of a garment at rest
+
+
 def static_cvar(shape: np.ndarray, gender: np.ndarray, tightness: np.ndarray) -> np.ndarray:
     """Static conditions (n, 13) float32: shape (n, 10), gender (n,), signed tightness (n, 2)."""
     codes = gender_codes(gender)[:, None]

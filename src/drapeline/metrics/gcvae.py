@@ -46,6 +46,7 @@ VARIANTS = {
         "dynamic_ppca_settled": Variant(f"{_PPCA}, smoothed and pushed out of the body"),
         "dynamic_ppca_prior": Variant(f"{_PPCA}{_UNSEEN}"),
     },
+    "mlp": {"wrinkle_mlp": Variant("Network from motion to wrinkles (ours)")},
     "picture": {
         "picture_network": Variant("Garment VAE's code from the picture"),
         "picture_nearest": Variant("Code of the training garment in the nearest picture"),

@@ -93,7 +93,7 @@ _COMPARISONS = (
     _Comparison(
         "Garments in motion, predicted from poses",
         "surface_error_mm",
-        ["dynamic_ppca_prior", "dvae_unposed_4_prior"],
+        ["wrinkle_mlp", "dynamic_ppca_prior", "dvae_unposed_4_prior"],
         ["dvae_unposed_4_prior"],
         ["wrinkle_ridge", "skinned_mean", "skinned_static"],
     ),

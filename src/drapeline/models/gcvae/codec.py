@@ -55,12 +55,15 @@ class GarmentCodec(torch.nn.Module, ABC, Generic[Part]):
         model: its name in the table of metrics.
         resolves_penetration: whether decoded garments in motion are evened out and pushed out of
             the body, which the paper does not do.
+        sees_frame: whether a garment in motion is rebuilt from its own code; one that is predicted
+            is decoded from the mean of the prior alone.
     """
 
     checkpoint_type: ClassVar[str]
     model: ClassVar[str]
     SETTINGS: ClassVar[type[Settings]]
     resolves_penetration: ClassVar[bool] = False
+    sees_frame: ClassVar[bool] = True
     offset_mean: torch.Tensor
     offset_std: torch.Tensor
 

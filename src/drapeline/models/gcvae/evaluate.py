@@ -1,6 +1,7 @@
 """Metrics of garments at rest and in motion, encoded and decoded."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -106,8 +107,8 @@ def dynamic_rows(
 ) -> Table:
     """Rows of the table of metrics for a dynamic model.
 
-    A model that resolves penetration has rows of its garments before and after that. Each has rows
-    of what it decodes from the mean of the prior as well, which does not see the frame.
+    One that sees the frame has rows of what it decodes from the mean of the prior as well, which
+    does not, and, if it resolves penetration, of its garments before and after that.
 
     Args:
         garments: every frame that is measured.
@@ -122,24 +123,25 @@ def dynamic_rows(
         for moving in progress(movings, label=split):
             rows = garments.data.rows_of(moving.sample, moving.name)
             body = bodies[moving.gender]
-            codes = encode_garments(model, garments, rows)
-            seen.append(codes)
-            decoded = {
-                variant + end: decode_points(model, garments, rows, moving, body, z)
-                for end, z in (("", codes.mean), (PRIOR_SUFFIX, np.zeros_like(codes.mean)))
-            }
+            decode = partial(decode_points, model, garments, rows, moving, body)
+            prior = decode(np.zeros((len(rows), model.latent), dtype=np.float32))
+            codes, decoded = None, {variant: prior}
+            if model.sees_frame:
+                codes = encode_garments(model, garments, rows)
+                seen.append(codes)
+                decoded = {variant: decode(codes.mean), variant + PRIOR_SUFFIX: prior}
             frames = garments.data.frame[rows]
-            if model.resolves_penetration:
+            if codes and model.resolves_penetration:
                 poses = moving.poses[frames]
                 resolved = resolve_points(moving, body, topology, decoded[variant], poses)
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                if not name.endswith(PRIOR_SUFFIX):
+                if codes and not name.endswith(PRIOR_SUFFIX):
                     measures = add_kl(measures, codes.kl_nat())
                 measured.setdefault(name, []).extend(measured_in_motion(moving, measures))
         for name, frames in measured.items():
-            own = None if name.endswith(PRIOR_SUFFIX) else join_codes(seen)
+            own = join_codes(seen) if seen and not name.endswith(PRIOR_SUFFIX) else None
             tables.append(_summarise(model, frames, name, split, own))
     return join(tables)
 

@@ -15,6 +15,7 @@ from drapeline.models.gcvae.codec import Codes, GarmentCodec, encode_garments, e
 from drapeline.models.gcvae.data import BodyTemplate, DynamicGarments, StaticGarments
 from drapeline.models.gcvae.ppca import DynamicPpca, StaticPpca
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.gcvae.wrinkle_mlp import WrinkleMlp
 from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
@@ -22,7 +23,7 @@ from drapeline.registration.to_body.topology import Topology, save_topology
 from drapeline.storage import load_npz, save_npz
 
 _CLASSES: dict[str, type[GarmentCodec]] = {
-    cls.checkpoint_type: cls for cls in (StaticVae, DynamicVae, StaticPpca, DynamicPpca)
+    cls.checkpoint_type: cls for cls in (StaticVae, DynamicVae, StaticPpca, DynamicPpca, WrinkleMlp)
 }
 
 

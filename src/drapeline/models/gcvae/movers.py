@@ -2,8 +2,8 @@
 
 A model says how far each vertex of the body's topology moves off the garment at rest, before it is
 skinned, given poses and the code of that garment. With the mean of the prior for a wrinkle code,
-this is what a garment most likely does in a pose. The field is read where the vertices of a sheet
-lie on the garment's registration, so that the sheet may be of any mesh.
+zero, this is what a garment most likely does in a pose. The field is read where the vertices of a
+sheet lie on the garment's registration, so that the sheet may be of any mesh.
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,12 +60,12 @@ def load_mover(folder: str | Path) -> GarmentCodec:
         InputError: a file is missing or damaged, or the model is of another kind.
     """
     if not (Path(folder) / BEST).is_file():
-        raise InputError(f"{folder}: no trained model, expected a folder such as dynamic_ppca")
+        raise InputError(f"{folder}: no trained model, expected a folder such as wrinkle_mlp")
     model = load_codec(Path(folder) / BEST)
     if not isinstance(model, DynamicVae | DynamicPpca):
         raise InputError(
             f"{folder}: a model of garments at rest, expected one of garments in motion, such as"
-            " dynamic_ppca or dvae_unposed_4"
+            " wrinkle_mlp, dynamic_ppca or dvae_unposed_4"
         )
     if isinstance(model, DynamicVae) and model.settings.training.version != "unposed":
         raise InputError(
@@ -107,7 +107,7 @@ def move_by_model(
     *,
     settle: bool,
 ) -> dict[str, SimulatedSheet]:
-    """Garments in every frame of their wearer's motion, without wrinkles of their own.
+    """Garments in every frame of their wearer's motion, with the likeliest wrinkles.
 
     Args:
         model: see `load_mover`.

@@ -19,6 +19,7 @@ from drapeline.models.gcvae.settings import (
     SOLVER,
     STATIC_PPCA,
     SVAE_VARIANTS,
+    WRINKLE_MLP,
     GcvaeSettings,
     dynamic_conditions,
     pooling_of,
@@ -42,7 +43,7 @@ _ABLATIONS = "metrics_gcvae_ablations"
 # Whose garments are measured: also some that were learned from, to tell what does not carry over.
 _MEASURED_SPLITS = (*EVALUATED_SPLITS, "train")
 # Evaluated by default, beside the trivial predictions.
-_DEFAULT = {"svae", STATIC_PPCA, "dvae_unposed_4", DYNAMIC_PPCA}
+_DEFAULT = {"svae", STATIC_PPCA, "dvae_unposed_4", DYNAMIC_PPCA, WRINKLE_MLP}
 
 
 class _GcvaeTasks:
@@ -92,6 +93,7 @@ class _GcvaeTasks:
             },
             **{name: self._dvae(name) for name in DVAE_VARIANTS},
             DYNAMIC_PPCA: self._dynamic_ppca(),
+            WRINKLE_MLP: self._wrinkle_mlp(),
             PICTURES: self._train_pictures(),
         }
 
@@ -216,6 +218,24 @@ class _GcvaeTasks:
             parallel=True,
         )
 
+    def _wrinkle_mlp(self) -> Task:
+        version, frames = dynamic_conditions(WRINKLE_MLP)
+        own, size = self.settings["mlp"], self.files.moving_size
+        training = {**own["training"], "seed": self.seed}
+        return Task(
+            f"{_HERE}.train:train_wrinkle_mlp",
+            {**self._template(), "data": self.files.dynamic(version), "static": self.static},
+            {
+                "settings": {**own, "training": training, **self._ppca("dvae")},
+                "frames": frames,
+                "trainer": {"accelerator": "cpu", "devices": 1},  # too small for anything else
+            },
+            seconds=100 * size + 2e-5 * training["steps"] * training["batch"],
+            megabytes=3000 + 100 * size,
+            checks=[self.files.moving_in("train", "val")],
+            parallel=True,
+        )
+
     def _train_pictures(self) -> Task:
         own = self.settings["pictures"]
         training = {**own["training"], "seed": self.seed}
@@ -246,7 +266,7 @@ class _GcvaeTasks:
         }
         for names, task in (
             ((*SVAE_VARIANTS, STATIC_PPCA), self._evaluate_static),
-            ((*DVAE_VARIANTS, DYNAMIC_PPCA), self._evaluate_dynamic),
+            ((*DVAE_VARIANTS, DYNAMIC_PPCA, WRINKLE_MLP), self._evaluate_dynamic),
         ):
             for name in names:
                 found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))

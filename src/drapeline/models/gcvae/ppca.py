@@ -70,7 +70,7 @@ def blur_mask(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch
 
 def append_one(conditions: torch.Tensor) -> torch.Tensor:
     """(n, C) -> (n, C + 1)."""
-    return torch.cat([conditions, torch.ones_like(conditions[:, :1])], 1)
+    return torch.cat([conditions, conditions.new_ones(len(conditions), 1)], 1)
 
 
 def fit_ppca(
@@ -195,9 +195,8 @@ class Ppca(nn.Module):
         """
         latent = len(self.basis)
         basis = self.basis.unflatten(1, (-1, self.channels))[:, self.observed]  # (Z, S, channels)
-        residual = (
-            fields - self(torch.zeros_like(conditions[:, :1]).expand(-1, latent), conditions)
-        )[self.observed]
+        zero = conditions.new_zeros(len(conditions), latent)
+        residual = (fields - self(zero, conditions))[self.observed]
         field = basis[..., 3:].flatten(1)  # (Z, S * others)
         always = field @ field.T
         mean = residual.new_zeros(latent, len(conditions))
@@ -242,12 +241,14 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
     Attributes:
         constants: of the fit.
         channels: of a field: offsets, and the ramp of the mask where there is one.
+        conditioned: whether fields of a code are told the conditions.
     """
 
     model = "ppca"
     SETTINGS = PpcaSettings
     constants: ClassVar[PpcaConstants]
     channels: ClassVar[int]
+    conditioned: ClassVar[bool] = True
     cvar_mean: torch.Tensor
     cvar_std: torch.Tensor
     laplacians: Any
@@ -256,11 +257,11 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         super().__init__(settings, body_template)
         vertices = len(body_template.body_mean)
         count = min(self.constants.vertices_max, vertices)
-        rng_observed = rng_for(settings.seed, "posterior")
+        rng_observed = rng_for(self.seed, "posterior")
         observed = np.sort(rng_observed.permutation(vertices)[:count])
         self.ppca = Ppca(
             vertices,
-            len(body_template.cvar_mean),
+            len(body_template.cvar_mean) if self.conditioned else 0,
             settings.latent,
             torch.from_numpy(observed),
             self.channels,
@@ -291,7 +292,7 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         Raises:
             InputError: offsets are not finite; names the samples.
         """
-        rows = linear_rows(garments, "train", self.settings.seed)
+        rows = linear_rows(garments, "train", self.seed)
         batches = with_mirror_images(garments, rows, self.body_template.mirror)
         refuse_unfinite(batches[0]["offsets"], batches[0]["names"], "offsets")
         seen = map(self._known_fields, batches)
@@ -363,7 +364,7 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
         return (part.offsets - self.offset_moments(name)[0]) / self.constants.unit_m
 
     def _normalise_conditions(self, cvar: torch.Tensor) -> torch.Tensor:
-        return (cvar - self.cvar_mean) / self.cvar_std
+        return (cvar - self.cvar_mean) / self.cvar_std if self.conditioned else cvar[:, :0]
 
 
 class StaticPpca(GarmentPpca):

@@ -56,19 +56,26 @@ SHORT_CODE = 18
 # Masked probabilistic PCA, which the networks are compared with.
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
 
+# The network that predicts wrinkles from motion.
+WRINKLE_MLP = "wrinkle_mlp"
+_FRAMES = {DYNAMIC_PPCA: 4, WRINKLE_MLP: 2}  # that others than the DVAE are conditioned on
+
 
 # Folder of the network that regresses codes from pictures, and of its evaluation.
 PICTURES = "pictures"
 
 # What moves sampled garments: a cloth solver, or the variant of a model of garments in motion.
 SOLVER = "solver"
-MOVERS = {"dvae": "dvae_unposed_4", "ppca": DYNAMIC_PPCA, SOLVER: None}
+MOVERS = {
+    **{"dvae": "dvae_unposed_4", "mlp": WRINKLE_MLP, "ppca": DYNAMIC_PPCA},
+    SOLVER: None,
+}
 
 
 def dynamic_conditions(variant: str) -> tuple[str, int]:
     """A dynamic variant's version of the offsets, and the number of poses it is conditioned on."""
-    if variant == DYNAMIC_PPCA:
-        return "unposed", 4
+    if variant in _FRAMES:
+        return "unposed", _FRAMES[variant]
     _, version, frames = variant.split("_")
     return version, int(frames)
 
@@ -311,6 +318,33 @@ class PpcaSettings(Settings):
     seed: int = Field(0, description="Seed of the rows and the vertices that are chosen.")
 
 
+class MlpTraining(StepTraining):
+    """How the network that predicts wrinkles is trained."""
+
+    steps: int = Field(
+        1000,
+        ge=1,
+        le=10_000_000,
+        description="Steps of the network that predicts wrinkles, in whole passes over the frames.",
+    )
+    batch: int = Field(512, ge=1, le=65_536, description="Frames per step.")
+    learning_rate: float = Field(0.002, gt=0, le=1, description="Learning rate of Adam.")
+    schedule: Literal["constant", "one_cycle"] = Field(
+        "one_cycle", description="Schedule of the learning rate."
+    )
+
+
+class Mlp(Settings):
+    """The network that predicts wrinkles from motion, without seeing the frame."""
+
+    width: int = Field(512, ge=1, le=8192, description="Width of its two hidden layers.")
+    training: MlpTraining = MlpTraining()
+
+
+class WrinkleMlpSettings(Mlp, PpcaSettings):
+    """The same with the PCA whose codes it predicts."""
+
+
 class Dvae(DvaeSettings):
     """The model of garments in motion, and what it learns from."""
 
@@ -398,11 +432,12 @@ class Animation(Settings):
         description="Outfits to take turns over; null takes those of the outfits at rest.",
     )
     movers: Annotated[tuple[Annotated[str, OneOf(tuple(MOVERS))], ...], EachOnce()] = Field(
-        tuple(MOVERS),
+        ("dvae", "mlp", SOLVER),
         min_length=1,
         description=(
-            "What moves them, each for a picture of its own: dvae, the network, and ppca, the "
-            "linear model, both without wrinkles of their own; solver, the fast cloth solver."
+            "What moves them, each for a picture of its own: dvae, the paper's network, and ppca, "
+            "the linear model, both without wrinkles of their own; mlp, a network that predicts "
+            "wrinkles from motion; solver, the fast cloth solver."
         ),
     )
     clip: str | None = Field(
@@ -475,6 +510,7 @@ class GcvaeSettings(Settings):
 
     svae: VaeSettings = VaeSettings()
     dvae: Dvae = Dvae()
+    mlp: Mlp = Mlp()
     loss: GcvaeLoss = GcvaeLoss()
     conditioning: AutoencoderTraining = AutoencoderTraining()
     trainer: Trainer = Trainer()

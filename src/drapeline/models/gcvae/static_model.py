@@ -252,8 +252,9 @@ class StaticModel:
             body: the whole body that the model's garments are made for, in SMPL's format, or its
                 file; the free one of the gender if None.
             mover: "solver", the fast cloth solver; or the folder of a model of garments in motion
-                that was trained with this one's codes, such as `results/gcvae/dynamic_ppca` or
-                `results/gcvae/dvae_unposed_4`, which moves them without wrinkles of their own.
+                that was trained with this one's codes, such as `results/gcvae/wrinkle_mlp`,
+                which predicts wrinkles, or `results/gcvae/dynamic_ppca` and
+                `results/gcvae/dvae_unposed_4`, which move them without wrinkles of their own.
             settle: whether what a model has moved is then smoothed and pushed out of the body and
                 of what is worn beneath, which the paper does not do.
             hang_frames: for which garments hang at rest before a model moves them.

@@ -27,8 +27,10 @@ from drapeline.models.gcvae.settings import (
     DvaeSettings,
     PpcaSettings,
     VaeSettings,
+    WrinkleMlpSettings,
 )
 from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae
+from drapeline.models.gcvae.wrinkle_mlp import CodeRows, WrinkleMlp
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.checkpoints import Checkpoint, read_checkpoint, tensors_digest
 from drapeline.models.training.lightning import TrainingRun, fit
@@ -215,6 +217,24 @@ def train_dvae(job: Job) -> None:
     garments, template = _dynamic_garments(job, of_each=settings.network.topology_moments)
     model = DynamicVae(settings, template)
     train_vae(model, garments, job.input.conditioning, TrainingRun.of(job))
+
+
+def train_wrinkle_mlp(job: Job) -> None:
+    """Masked probabilistic PCA of garments in motion, and the network that predicts its codes."""
+    torch.set_num_threads(job.threads)
+    settings = WrinkleMlpSettings(**job.params.settings)
+    garments, template = _dynamic_garments(job)
+    model = WrinkleMlp(settings, template)
+    model.fit(garments)
+    rows, training = CodeRows(model, garments), settings.training
+    model.prepare(rows.batch(rows.rows("train"))["cvar"])
+    fit(
+        model,
+        TrainingBatches(rows, batch=training.batch, seed=training.seed),
+        TrainingRun.of(job),
+        monitor="val_loss",
+        settings={**settings.plain(), "begun_with": tensors_digest(model.state_dict())},
+    )
 
 
 def fit_static_ppca(job: Job) -> None:

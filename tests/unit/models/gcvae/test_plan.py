@@ -35,8 +35,8 @@ def test_outfits_are_those_of_the_experiment_on_a_clip_of_its_samples():
 
 
 def test_only_what_moves_the_outfits_is_trained_for_it():
-    assert {"dvae", "ppca"} <= animated().input.keys()
-    assert not {"dvae", "ppca"} & animated(movers=["solver"]).input.keys()
+    assert {"dvae", "mlp"} <= animated().input.keys()
+    assert not {"dvae", "mlp"} & animated(movers=["solver"]).input.keys()
     assert animated(movers=["ppca"]).input["ppca"].endswith("gcvae/dynamic_ppca")
 
 

@@ -89,7 +89,7 @@ _RECONSTRUCTED = (
 )
 _PREDICTED = (
     *(name for name in variants("dvae") if name.endswith(_UNSEEN)),
-    *("dynamic_ppca_prior", "wrinkle_ridge", "skinned_mean", "skinned_static"),
+    *("wrinkle_mlp", "dynamic_ppca_prior", "wrinkle_ridge", "skinned_mean", "skinned_static"),
     *("skinned_mean_garment", *_FLOOR),
 )
 _by_type = partial(
@@ -106,7 +106,7 @@ _in_motion_by_type = partial(
     paper=PAPER,
 )
 # Other models have pages of their own, but for those that see the same pictures.
-_MODELS = ("svae", "dvae", "ppca", "baseline", "truth", "picture", "smplicit")
+_MODELS = ("svae", "dvae", "ppca", "mlp", "baseline", "truth", "picture", "smplicit")
 _PICTURED = (
     *variants("picture"),
     *(f"smplicit_images_{name}" for name in ("hung", "fitted", "nearest", "mean_code")),
