@@ -48,15 +48,13 @@ class GeometricConv(nn.Module):
 class GeometricBlock(nn.Module):
     """Our residual block on a union of copies."""
 
-    def __init__(self, ours: ResidualLevel, places: torch.Tensor, *graph) -> None:
+    def __init__(self, ours: ResidualLevel, *graph) -> None:
         super().__init__()
         self.first, self.second = (GeometricConv(c, *graph) for c in (ours.first, ours.second))
-        self.places, self.table = ours.places, places
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(B * N, F) -> (B * N, width)."""
-        shift = self.places(self.table).repeat(BATCH, 1)
-        x = torch.relu(self.first(x) + shift)
+        x = torch.relu(self.first(x))
         return torch.relu(self.second(x) + x)
 
 
@@ -82,10 +80,7 @@ class GeometricGcvae(nn.Module):
             first = matrix.forward_value[: start[1]][index[: start[1]] == 0].sum()
             unions.append((_union(torch.from_numpy(both), nodes), 2 / (1 + float(first))))
         blocks = [
-            [
-                GeometricBlock(block, graph.places(level), *unions[level])
-                for level, block in numbered
-            ]
+            [GeometricBlock(block, *unions[level]) for level, block in numbered]
             for numbered in (
                 list(enumerate(ours.encoder.levels)),
                 list(zip(range(len(parents) - 1, -1, -1), ours.decoder.levels, strict=True)),
@@ -102,8 +97,7 @@ class GeometricGcvae(nn.Module):
                 nodes = BATCH * self.counts[level + 1]
                 x = scatter(x, self.parents[level], dim_size=nodes, reduce="max")
         encoder, decoder = self.encoder, self.decoder
-        rows = (x.view(BATCH, -1) - encoder.mean) / encoder.std
-        features = torch.relu(encoder.features(rows))
+        features = torch.relu(encoder.features(x.view(BATCH, -1)))
         code = encoder.code(features)
         z = torch.cat([code[:, : code.shape[1] // 2], encoder.condition(features)], 1)
         rows = torch.relu(decoder.spread(torch.relu(decoder.features(z))))

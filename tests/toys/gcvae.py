@@ -34,6 +34,12 @@ def tube() -> np.ndarray:
     return np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), height], 1)
 
 
+def uneven() -> np.ndarray:
+    """(V, 3) float32 the tube with dents, so that no two vertices are alike to a network."""
+    dents = np.random.default_rng(7).normal(size=(VERTICES, 3))
+    return (tube() + 0.005 * dents).astype(np.float32)
+
+
 def tube_mirror() -> np.ndarray:
     """(V,) vertices of the tube on the other side of x = 0."""
     ring, step = np.divmod(np.arange(VERTICES), AROUND)
@@ -96,7 +102,7 @@ class ToyGarments:
     def batch(self, rows):
         return {
             "offsets": self.offsets[rows],
-            "base": np.tile(tube().astype(np.float32), (len(rows), 1, 1)),
+            "base": np.tile(uneven(), (len(rows), 1, 1)),
             "mask": self.mask[rows],
             "cvar": self.cvar(rows),
             "topology": self.codes[rows],

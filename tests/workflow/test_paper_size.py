@@ -11,13 +11,7 @@ from toys.schema import SCHEMA
 
 _NETWORK = {
     **{"widths": [16, 32, 64, 64, 128, 128], "latent": 128, "order": 1},
-    **dict.fromkeys(
-        (
-            *("linear_path", "topology_moments", "masked_input"),
-            *("places", "vertex_output", "standardise"),
-        ),
-        False,
-    ),
+    **dict.fromkeys(("linear_path", "topology_moments", "masked_input", "vertex_output"), False),
 }
 _TRAINING = {"learning_rate": 0.001, "schedule": "constant"}
 _WINDOWS = {**_TRAINING, "epochs": 100, "frames": 10, "stride": 10}

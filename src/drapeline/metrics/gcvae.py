@@ -24,10 +24,7 @@ VARIANTS = {
         "svae_no_linear_path": Variant("Garment VAE of graph convolutions alone"),
         "svae_shared_moments": Variant("Garment VAE with one mean and deviation for all garments"),
         "svae_unmasked_input": Variant("Garment VAE whose encoder is not shown the mask"),
-        "svae_no_places": Variant("Garment VAE whose levels are not told where nodes are"),
         "svae_shared_output": Variant("Garment VAE with a graph convolution as its last layer"),
-        "svae_unstandardised": Variant("Garment VAE with pooled features as they come"),
-        "svae_wide_start": Variant("Garment VAE whose codes begin with the prior's variance"),
         "svae_as_printed": Variant(
             "Garment VAE as printed, without any of these and with its loss"
         ),

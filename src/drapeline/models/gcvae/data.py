@@ -14,7 +14,7 @@ from drapeline.learning_data.dynamic import DynamicData
 from drapeline.learning_data.static import StaticData
 from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
 from drapeline.models.layers.linear import full_precision
-from drapeline.models.training.batches import Batch
+from drapeline.models.training.batches import Batch, refuse_unfinite
 from drapeline.npy import HeaderError, check_arrays
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.hierarchy import Hierarchy
@@ -229,6 +229,7 @@ def offset_moments(
     read: Callable[[int], tuple[np.ndarray, np.ndarray]],
     rows: np.ndarray,
     topology: np.ndarray,
+    names: Callable[[np.ndarray], list[str]],
     *,
     of_each: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -241,13 +242,23 @@ def offset_moments(
         read: row -> offsets (V, 3) in metres and mask (V,).
         rows: (n,) to read.
         topology: (n,) codes of `TOPOLOGIES`.
+        names: of rows, for messages.
         of_each: whether a topology has its own; one without rows has those of all, as all have
             otherwise.
+
+    Raises:
+        InputError: offsets are not finite; names the sample.
     """
+
+    def checked(row: int) -> tuple[np.ndarray, np.ndarray]:
+        offsets, mask = read(row)
+        refuse_unfinite(offsets[None], names(np.array([row])), "offsets")
+        return offsets, mask
+
     codes = range(len(TOPOLOGIES))
     own = [rows[topology == code] if of_each else rows[:0] for code in codes]
-    shared = None if all(map(len, own)) else offset_statistics(map(read, rows))
-    parts = [offset_statistics(map(read, part)) if len(part) else shared for part in own]
+    shared = None if all(map(len, own)) else offset_statistics(map(checked, rows))
+    parts = [offset_statistics(map(checked, part)) if len(part) else shared for part in own]
     mean, std = (np.stack(moment) for moment in zip(*filter(None, parts), strict=True))
     return mean, std
 
@@ -271,7 +282,11 @@ def static_body_template(
     rows = data.rows("train")
     cvar_mean, cvar_std = cvar_statistics(data.cvar(rows))
     offset_mean, offset_std = offset_moments(
-        lambda row: (data.offsets[row], data.mask[row]), rows, data.topology(rows), of_each=of_each
+        lambda row: (data.offsets[row], data.mask[row]),
+        rows,
+        data.topology(rows),
+        data.names,
+        of_each=of_each,
     )
     return BodyTemplate(
         edges=hierarchy.edges,
@@ -311,6 +326,7 @@ def dynamic_body_template(
         lambda row: (data.offsets[row], data.mask[data.garment_index[row]]),
         rows,
         garments.topology(rows),
+        garments.names,
         of_each=of_each,
     )
     base_mean, base_std = body_statistics(data.base[row] for row in rows)

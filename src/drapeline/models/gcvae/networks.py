@@ -8,12 +8,10 @@ samples are rows of one matrix.
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
 
-from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.models.layers.graphs import ChebConv, MeshGraph, SparseMatrix, UnpoolConv
@@ -38,41 +36,27 @@ class Code(NamedTuple):
 _SECOND_SCALE = 0.3  # of initial weights; else features double in size from level to level
 _LINEAR_SCALE = 0.2  # likewise, of the linear path into the code
 
-_STD_FLOOR_SHARE = 0.1
-
 
 class ResidualLevel(nn.Module):
-    """A convolution followed by a residual one.
+    """A convolution followed by a residual one."""
 
-    Filters are isotropic and shared by all nodes, so by themselves they cannot tell where on the
-    body, or on which side of a limb, a node is; `places` are constant inputs that tell them, if
-    there are any.
-    """
-
-    def __init__(
-        self, first: nn.Module, places: int, width: int, order: int, rng: torch.Generator
-    ) -> None:
+    def __init__(self, first: nn.Module, width: int, order: int, rng: torch.Generator) -> None:
         super().__init__()
         self.first = first
-        self.places = linear(places, width, rng) if places else None
         self.second = ChebConv(width, width, order, rng)
         with torch.no_grad():
             self.second.weight.mul_(_SECOND_SCALE)
 
     def forward(
-        self, x: torch.Tensor, operator: nn.Module, laplacian: SparseMatrix, places: torch.Tensor
+        self, x: torch.Tensor, operator: nn.Module, laplacian: SparseMatrix
     ) -> torch.Tensor:
         """(n, B, F) -> (N, B, width).
 
         Args:
             operator: the matrix that the first convolution takes.
             laplacian: of the N nodes.
-            places: (N, P).
         """
-        x = self.first(x, operator)
-        if self.places is not None:
-            x = x + self.places(places)[:, None]
-        x = torch.relu_(x)
+        x = torch.relu_(self.first(x, operator))
         # In place on rows: to change a view in place, autograd would copy whole gradients.
         rows = self.second.rows(x, laplacian).add_(x.flatten(0, 1))
         return torch.relu_(rows).unflatten(0, x.shape[:2])
@@ -110,7 +94,6 @@ class Encoder(nn.Module):
         inputs: channels per vertex.
         garment: how many of them, the first ones, are the garment's; the linear path takes those.
         vertices, nodes: of the finest and the coarsest level.
-        places: constant inputs of every level.
     """
 
     def __init__(
@@ -119,7 +102,6 @@ class Encoder(nn.Module):
         garment: int,
         vertices: int,
         nodes: int,
-        places: int,
         size: GcvaeNetwork,
         rng: torch.Generator,
     ) -> None:
@@ -127,13 +109,9 @@ class Encoder(nn.Module):
         self.garment = garment
         widths = size.level_widths
         self.levels = nn.ModuleList(
-            ResidualLevel(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(ChebConv(a, b, size.order, rng), b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
-        self.mean: torch.Tensor
-        self.std: torch.Tensor
-        self.register_buffer("mean", torch.zeros(nodes * widths[-1]))
-        self.register_buffer("std", torch.ones(nodes * widths[-1]))
         self.features = linear(nodes * widths[-1], size.features, rng)
         self.condition = nn.Sequential(
             linear(size.features, size.features // 2, rng),
@@ -141,10 +119,9 @@ class Encoder(nn.Module):
             linear(size.features // 2, size.condition, rng),
         )
         self.code = linear(size.features, 2 * size.latent, rng)
-        with torch.no_grad():  # start near the prior's mean, with small variance
+        with torch.no_grad():  # start near the prior
             self.code.weight[: size.latent].mul_(0.7)
             self.code.weight[size.latent :].mul_(0.1)
-            self.code.bias[size.latent :].fill_(size.log_variance)
         self.linear_path: nn.Linear | None = None
         if size.linear_path:
             self.linear_path = linear(vertices * garment, size.latent, rng)
@@ -153,9 +130,11 @@ class Encoder(nn.Module):
 
     def forward(self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
-        rows = (self.pool(graphs, inputs) - self.mean) / self.std
-        features = torch.relu(self.features(rows))
-        code, condition = (head(features).to(self.mean) for head in (self.code, self.condition))
+        pooled = [self._pool(graphs[name], x) for name, x in inputs.items()]
+        features = torch.relu(self.features(torch.cat(pooled)))
+        code, condition = (
+            head(features).to(self.code.weight) for head in (self.code, self.condition)
+        )
         mean, log_variance = code.chunk(2, dim=1)
         if self.linear_path is not None:
             seen = [x[..., : self.garment].transpose(0, 1).flatten(1) for x in inputs.values()]
@@ -163,29 +142,10 @@ class Encoder(nn.Module):
             mean = mean + _precise_linear(torch.cat(seen), path.weight, path.bias)
         return Code(mean, log_variance.clamp(*_LOG_VARIANCE_RANGE), condition)
 
-    def pool(
-        self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]
-    ) -> torch.Tensor:
-        """Features of the coarsest nodes, (B, nodes * width), before they are normalised."""
-        return torch.cat([self._pool(graphs[name], x) for name, x in inputs.items()])
-
-    @torch.no_grad()
-    def normalise_by(
-        self, graphs: Mapping[str, MeshGraph], inputs: Mapping[str, torch.Tensor]
-    ) -> None:
-        """Normalise pooled features by their mean and deviation over a first batch.
-
-        Most of a pooled feature is the same for all garments; unnormalised, the differences
-        between garments are too small a part of it for training to pick up.
-        """
-        rows = self.pool(graphs, inputs)
-        self.mean.copy_(rows.mean(0))
-        self.std.copy_(rows.std(0).clamp_min(_STD_FLOOR_SHARE * rows.std()))
-
     def _pool(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         for level, block in enumerate(self.levels):
             laplacian = graph.laplacians[level]
-            x = block(x, laplacian, laplacian, graph.places(level))
+            x = block(x, laplacian, laplacian)
             if level < len(graph.pools):
                 x = graph.pools[level](x)
         return x.transpose(0, 1).flatten(1)  # (B, nodes * width)
@@ -206,7 +166,6 @@ class Decoder(nn.Module):
         outputs: int,
         vertices: int,
         nodes: int,
-        places: int,
         size: GcvaeNetwork,
         rng: torch.Generator,
     ) -> None:
@@ -217,7 +176,7 @@ class Decoder(nn.Module):
         self.spread = linear(size.features, nodes * widths[-1], rng)
         self.coarsest = ChebConv(widths[-1], widths[-1], size.order, rng)
         self.levels = nn.ModuleList(
-            ResidualLevel(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(UnpoolConv(a, b, size.order, rng), b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         # Both branches are linear in the last features, so one layer computes both.
@@ -258,26 +217,18 @@ class Decoder(nn.Module):
     def _unpool(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
         for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
-            x = block(x, graph.unpools[level], graph.laplacians[level], graph.places(level))
+            x = block(x, graph.unpools[level], graph.laplacians[level])
         if isinstance(self.branches, VertexLinear):
             return self.branches(x)
         return self.branches(x, graph.laplacians[0])
 
 
-PLACES = 6
-
-
 def mesh_graphs(body_template: BodyTemplate, order: int) -> dict[str, MeshGraph]:
-    """Topology -> graph, with position and normal on the mean rest body as places (N, 6)."""
-    graphs = {}
-    for name in TOPOLOGIES:
-        position = body_template.body_mean - body_template.body_mean.mean(axis=0)
-        normal = vertex_normals(body_template.body_mean, body_template.faces[name])
-        places = np.concatenate([position / position.std(), normal], axis=1)
-        graphs[name] = MeshGraph(
-            body_template.edges[name], body_template.parents[name], order, places
-        )
-    return graphs
+    """Topology -> graph."""
+    return {
+        name: MeshGraph(body_template.edges[name], body_template.parents[name], order)
+        for name in TOPOLOGIES
+    }
 
 
 class Gcvae(nn.Module):
@@ -305,16 +256,9 @@ class Gcvae(nn.Module):
         graphs = mesh_graphs(body_template, size.order)
         self.graphs: Any = nn.ModuleDict(graphs)
         nodes = graphs[TOPOLOGIES[0]].counts[-1]
-        places = PLACES if size.places else 0
-        self.standardise = size.standardise
         vertices = len(body_template.body_mean)
-        self.encoder = Encoder(inputs, garment, vertices, nodes, places, size, rng)
-        self.decoder = Decoder(3 + mask, vertices, nodes, places, size, rng)
-
-    def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
-        """Set the encoder's constants from a first batch; see `Encoder.normalise_by`."""
-        if self.standardise:
-            self.encoder.normalise_by(self.graphs, inputs)
+        self.encoder = Encoder(inputs, garment, vertices, nodes, size, rng)
+        self.decoder = Decoder(3 + mask, vertices, nodes, size, rng)
 
     def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""

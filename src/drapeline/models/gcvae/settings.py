@@ -12,10 +12,7 @@ _DEPARTURES: dict[str, dict[str, Any]] = {
     "svae_no_linear_path": {"linear_path": False},
     "svae_shared_moments": {"topology_moments": False},
     "svae_unmasked_input": {"masked_input": False},
-    "svae_no_places": {"places": False},
     "svae_shared_output": {"vertex_output": False},
-    "svae_unstandardised": {"standardise": False},
-    "svae_wide_start": {"log_variance": 0.0},
 }
 _PRINTED_LOSS = {
     **{"normals": 70.0, "mask": 0.1, "mask_form": "l1", "condition": 1.0},
@@ -144,32 +141,12 @@ class GcvaeNetwork(Settings):
             "graph convolutions have to learn only the rest."
         ),
     )
-    places: bool = Field(
-        True,
-        description=(
-            "Whether every level is told position and normal of its nodes on the mean body. The "
-            "paper's filters, the same at every node, cannot know where they are."
-        ),
-    )
     vertex_output: bool = Field(
         True,
         description=(
             "Whether the last layer has weights of its own at every vertex; the paper's is a graph "
             "convolution."
         ),
-    )
-    standardise: bool = Field(
-        True,
-        description=(
-            "Whether pooled features are standardised by those of a first batch, which the paper "
-            "does not mention."
-        ),
-    )
-    log_variance: float = Field(
-        -4.0,
-        ge=-20,
-        le=5,
-        description="Log variance of codes at the start of training; 0 is that of the prior.",
     )
 
     @property

@@ -173,7 +173,6 @@ def train_vae(
     path = Path(conditioning) / BEST
     load_conditioning(read_checkpoint(path), model.conditioning, path)
     about["conditioning"] = tensors_digest(model.conditioning.state_dict())
-    model.prepare(garments)
     fit(
         model,
         TrainingBatches(garments, batch=training.batch, seed=training.seed),

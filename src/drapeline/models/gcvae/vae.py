@@ -10,11 +10,11 @@ import torch
 import torch.nn.functional as F
 
 from drapeline.models.gcvae.codec import GarmentCodec, TopologyBatch, conditions_of, kl_nat, planes
-from drapeline.models.gcvae.data import BodyTemplate, Garments, rest_bodies
+from drapeline.models.gcvae.data import BodyTemplate, rest_bodies
 from drapeline.models.gcvae.networks import Code, ConditioningAutoencoder, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
 from drapeline.models.layers.graphs import FaceNormals
-from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
+from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import RATE_SHARE, TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
@@ -58,7 +58,6 @@ def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tenso
     return torch.stack([error, error.new_tensor(float(logit.numel()))])
 
 
-_FIRST_BATCH = 64
 _LINEAR_RATE_SHARE = 0.3
 
 
@@ -131,20 +130,6 @@ class GarmentVae(GarmentCodec[VaeBatch], TrainableModule):
             mask=self.settings.training.mask,
             rng=rng,
         )
-
-    def prepare(self, garments: Garments) -> None:
-        """Set what is computed from training rows before the first step.
-
-        Raises:
-            InputError: offsets are not finite; names the samples.
-        """
-        rows = garments.rows("train")
-        rng = rng_for(self.settings.training.seed, "first batch")
-        chosen = np.sort(rng.permutation(rows)[:_FIRST_BATCH])
-        batch = garments.batch(chosen)
-        refuse_unfinite(batch["offsets"], batch["names"], "offsets")
-        parts = self.parts(as_tensors(batch))
-        self.network.normalise_by(network_inputs(parts))
 
     @abstractmethod
     def base_and_inputs(

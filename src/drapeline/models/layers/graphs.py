@@ -247,7 +247,6 @@ class MeshGraph(nn.Module):
         edges: (E_l, 2) of every level.
         parents: (n_l,) the node of level l + 1 that each node of level l belongs to.
         order: of the Chebyshev polynomials.
-        places: (n_0, P) constants of the finest nodes; a coarser node has its children's mean.
     """
 
     def __init__(
@@ -255,7 +254,6 @@ class MeshGraph(nn.Module):
         edges: Sequence[np.ndarray],
         parents: Sequence[np.ndarray],
         order: int,
-        places: np.ndarray,
     ) -> None:
         super().__init__()
         self.counts = [len(p) for p in parents] + [int(parents[-1].max()) + 1]
@@ -266,16 +264,6 @@ class MeshGraph(nn.Module):
             SparseMatrix(unpool_matrix(laplacian, p, n, order))
             for laplacian, p, n in zip(laplacians[:-1], parents, self.counts[1:], strict=True)
         )
-        for level in range(len(self.counts)):
-            table = torch.from_numpy(np.asarray(places, dtype=np.float32))
-            self.register_buffer(f"places_{level}", table, persistent=False)
-            if level < len(parents):
-                sums = copy_matrix(parents[level], self.counts[level + 1]).T @ places
-                places = sums / np.bincount(parents[level])[:, None]
-
-    def places(self, level: int) -> torch.Tensor:
-        """(n_level, P)."""
-        return getattr(self, f"places_{level}")
 
 
 def unpool_matrix(

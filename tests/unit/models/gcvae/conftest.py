@@ -60,10 +60,9 @@ def conditioning(tmp_path_factory):
 
 
 @pytest.fixture(scope="package")
-def prepared_model():
-    """An untrained network, prepared by the toy garments, with a last layer that is not zero."""
+def untrained():
+    """An untrained network with a last layer that is not zero."""
     model = StaticVae(SETTINGS, toy_template()).eval()
-    model.prepare(ToyGarments())
     weight = model.network.decoder.branches.weight
     torch.nn.init.normal_(weight, std=0.3, generator=torch.Generator().manual_seed(0))
     return model

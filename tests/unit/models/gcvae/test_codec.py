@@ -20,7 +20,7 @@ def rows_of(batch, rows):
 
 @pytest.fixture(params=["network", "ppca"])
 def model(request):
-    model = request.getfixturevalue("prepared_model" if request.param == "network" else "fitted")
+    model = request.getfixturevalue("untrained" if request.param == "network" else "fitted")
     return deepcopy(model).double()
 
 

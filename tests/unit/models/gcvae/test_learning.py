@@ -40,9 +40,7 @@ def build(cls, settings, seed=0):
         training = settings.training.replace(version="unposed", mask=False)
         settings = settings.replace(training=training)
     settings = settings.replace(training={"seed": seed})
-    vae = cls(settings, toy_template())
-    vae.prepare(ToyGarments())
-    return vae
+    return cls(settings, toy_template())
 
 
 def batch_of(count, *topologies):

@@ -145,7 +145,6 @@ SETTINGS = VaeSettings(
 def vae(**loss):
     """In 64 bits, and with a last layer that is not zero."""
     model = StaticVae(SETTINGS.replace(loss=loss), toy_template())
-    model.prepare(ToyGarments())
     with torch.no_grad():
         model.network.decoder.branches.bias.normal_(std=0.3, generator=rng(2))
         model.network.decoder.branches.weight.normal_(std=0.1, generator=rng(3))

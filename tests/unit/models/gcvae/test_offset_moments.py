@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drapeline.errors import InputError
 from drapeline.learning_data.vertex_moments import OFFSET_STD_FLOOR_M
 from drapeline.models.gcvae.data import offset_moments
 
@@ -16,8 +17,12 @@ TRAIN = np.arange(1, 9)  # the first row is held out
 def moments(topology, of_each):
     shown = np.where(MASK[..., None], OFFSETS, 7.0)  # whatever stands outside the mask
     return offset_moments(
-        lambda row: (shown[row], MASK[row]), TRAIN, topology[TRAIN], of_each=of_each
+        lambda row: (shown[row], MASK[row]), TRAIN, topology[TRAIN], names, of_each=of_each
     )
+
+
+def names(rows):
+    return [f"toy{row}" for row in rows]
 
 
 def test_each_topology_has_its_own_where_there_is_a_garment():
@@ -39,3 +44,14 @@ def test_together_they_have_those_of_all_and_so_has_one_without_garments(topolog
     for code in (0, 1):
         np.testing.assert_allclose(mean[code, [0, 2, 3]], worn.mean(0), atol=1e-6)
         np.testing.assert_allclose(std[code, [0, 2, 3]], worn.std(0), atol=1e-6)
+
+
+def test_garments_that_are_not_finite_are_named():
+    spoilt = OFFSETS.copy()
+    spoilt[5, 2] = np.inf
+
+    def read(row):
+        return spoilt[row], MASK[row]
+
+    with pytest.raises(InputError, match="^samples toy5: offsets hold NaN"):
+        offset_moments(read, TRAIN, TOPOLOGY[TRAIN], names, of_each=True)

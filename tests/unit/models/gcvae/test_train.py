@@ -168,10 +168,3 @@ def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tm
     with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
         train("model", SETTINGS, SpoiltLater())
     assert not (tmp_path / "model").exists()
-
-
-def test_garments_that_are_not_finite_are_named_before_training(train):
-    garments = ToyGarments()
-    garments.offsets[5, 3] = np.inf
-    with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
-        train("model", SETTINGS, garments)

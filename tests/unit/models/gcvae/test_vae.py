@@ -9,8 +9,8 @@ from toys.gcvae_files import SETTINGS
 
 
 @pytest.fixture
-def model(prepared_model):
-    return prepared_model
+def model(untrained):
+    return untrained
 
 
 def test_topologies_differ_in_graph_alone(model, batch):

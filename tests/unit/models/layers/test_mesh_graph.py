@@ -47,11 +47,10 @@ def test_a_coarse_node_without_children_is_refused():
 
 def test_a_graph_has_an_operator_per_level():
     all_edges, parents = hierarchy(tube_faces(False))
-    graph = MeshGraph(all_edges, parents, 2, np.arange(VERTICES)[:, None])
+    graph = MeshGraph(all_edges, parents, 2)
     assert graph.counts == list(COUNTS)
     x = torch.rand(VERTICES, 2, 3)
     for level, count in enumerate(COUNTS[:-1]):
         assert graph.laplacians[level](x).shape == (count, 2, 3)
         x = graph.pools[level](x)
         assert graph.unpools[level](x.repeat(3, 1, 1)).shape == (count, 2, 3)
-    np.testing.assert_allclose(graph.places(1)[3], np.flatnonzero(parents[0] == 3).mean())
