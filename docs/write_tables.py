@@ -26,6 +26,7 @@ from drapeline.dataset.shards import samples_of
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.shared import TRAINING_ERROR
+from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.registration_table import SUMMARY
@@ -74,6 +75,19 @@ METRIC_TABLES = {
     "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], TEMPLATE_TYPES),
     "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
     "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
+    "by_solver": MetricTable(
+        (
+            *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_ridge"),
+            *("wrinkle_mlp", "skinned_mean", "skinned_static", *FLOOR),
+            *("regression", "canonical", "untrained", "posed", "ours"),
+        ),
+        ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
+        (*TEMPLATE_TYPES, ALL),
+        down=("metric", "garment", "variant"),
+        across="source",
+        best=False,
+        count="Number",
+    ),
     "smplicit": MetricTable(
         [name for name in variants("smplicit") if name.endswith(HELD) and "images" not in name],
         (*SURFACES, "normal_error_deg", "openings_right"),
@@ -95,6 +109,14 @@ METRIC_TABLES = {
         ["surface_to_true_mm"],
         (*CLASSES, COMMON),
         best=False,
+    ),
+    "pictures": MetricTable(
+        (
+            *variants("picture"),
+            *(f"smplicit_images_{name}" for name in ("hung", "fitted", "nearest", "mean_code")),
+        ),
+        ("rest_to_true_mm", "true_to_rest_mm"),
+        count="Garments",
     ),
     "representations": MetricTable(
         sorted(variants("representation"), key=lambda name: name.endswith("_registered")),

@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 import warp as wp
+from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree, cKDTree
 
-from drapeline.geometry.mesh import vertex_normals
+from drapeline.geometry.mesh import mean_edge_length, triangulate, vertex_normals
 from drapeline.geometry.smoothing import averaging_matrix, blur
 from drapeline.geometry.warp_mesh import start_warp
 
@@ -179,22 +180,25 @@ def nearest_weights(
     body: np.ndarray,
     body_faces: np.ndarray,
     weights: np.ndarray,
+    *,
+    reach_m: float = 0.0,
 ) -> np.ndarray:
     """Weights of the nearest body vertices that face the same way, smoothed over the garment.
 
     Args:
         garment: (V, 3) metres, in the body's rest pose.
-        faces: (F, 3) of the garment.
+        faces: (F, 3) or (F, 4) of the garment.
         body: (B, 3) in the rest pose.
         body_faces: (G, 3).
         weights: (B, K) of the body, rows sum to 1.
+        reach_m: length over which the weights are then diffused, see `weight_reach_m`.
 
     Returns:
         (V, K) float32, rows sum to 1; zero for vertices without faces.
     """
     used = np.unique(faces)
     tree = KDTree(np.hstack([body, _TURN_M * vertex_normals(body, body_faces)]))
-    normals = vertex_normals(garment, faces)[used]
+    normals = vertex_normals(garment, triangulate(faces))[used]
     distance, near = tree.query(np.hstack([garment[used], _TURN_M * normals]), k=_NEAREST)
     share = 1 / np.maximum(distance, _SMALL_M)
     share /= share.sum(axis=1, keepdims=True)
@@ -202,7 +206,28 @@ def nearest_weights(
     out[used] = np.einsum("vk,vkj->vj", share, weights[near])
     out = blur(out, averaging_matrix(faces, len(garment)), _PASSES)
     out[used] /= out[used].sum(axis=1, keepdims=True)
+    if reach_m:
+        out = _diffuse(out, garment, faces, reach_m)
     return out.astype(np.float32)
+
+
+def _diffuse(
+    weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray, reach_m: float
+) -> np.ndarray:
+    """Weights after one implicit step of diffusion.
+
+    (1 + t (1 - A)) w' = w, where A averages over the neighbours; a walk of t steps gets as far as
+    the square root of t edges. Where faces are quads, so should they be here: diagonals would drag
+    hems aside.
+    """
+    average = averaging_matrix(faces, len(vertices))
+    time = (reach_m / mean_edge_length(vertices, faces)) ** 2
+    system = sp.identity(len(vertices)) * (1 + time) - time * average
+    joints = weights.any(axis=0)
+    out = np.zeros_like(weights)
+    out[:, joints] = splu(system.tocsc()).solve(weights[:, joints])
+    # Rows of vertices without faces are zero, and so they stay.
+    return out
 
 
 def interpolated_weights(

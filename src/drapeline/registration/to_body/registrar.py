@@ -25,7 +25,7 @@ from drapeline.geometry.mesh import (
     triangulate,
     vertex_normals,
 )
-from drapeline.outfits.garment_types import GARMENTS, SKIRTS
+from drapeline.outfits.garment_types import GARMENTS, SKIRTS, weight_reach_m
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
@@ -278,7 +278,14 @@ def _register(
             faces = faces_within(topology.faces_of(name), done.match.mask)
             vertex = np.flatnonzero(done.match.mask).astype(np.int32)
             points = body + done.offsets
-            weights = nearest_weights(points, faces, body, topology.faces, model.weights)
+            weights = nearest_weights(
+                points,
+                faces,
+                body,
+                topology.faces,
+                model.weights,
+                reach_m=weight_reach_m(name),
+            )
             SampleGarment(
                 mask=done.match.mask,
                 vertex=vertex,
