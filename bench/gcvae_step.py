@@ -149,7 +149,8 @@ def rows(results: Path) -> Iterator[Comparison]:
     body = template(results)
     for name, widths in SIZES.items():
         rng = torch.Generator().manual_seed(0)
-        ours = Gcvae(body, GcvaeNetwork(widths=widths), inputs=6, mask=True, rng=rng)
+        size = GcvaeNetwork(widths=widths, linear_path=False)
+        ours = Gcvae(body, size, inputs=6, garment=3, mask=True, rng=rng)
         theirs = GeometricGcvae(ours, body.edges["body"], body.parents["body"])
         vertices = len(body.offset_mean)
         x = torch.randn(vertices, BATCH, 6, generator=rng)

@@ -27,17 +27,18 @@ from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.movers import WornSheet, load_mover, move_by_model
 from drapeline.models.gcvae.ppca import DynamicPpca, save_fit
 from drapeline.models.gcvae.sample import load_types
-from drapeline.models.gcvae.settings import DvaeSettings, PpcaSettings
+from drapeline.models.gcvae.settings import DvaeSettings, PpcaSettings, WrinkleMlpSettings
 from drapeline.models.gcvae.vae import DynamicVae
+from drapeline.models.gcvae.wrinkle_mlp import WrinkleMlp
 from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.models.training.settings import override_settings
 from drapeline.motions.motion import Motion, save_motion
 from drapeline.simulation.settings import SimulationSettings
-from toys.gcvae_files import shaken
+from toys.gcvae_files import save_model, shaken
 from toys.gcvae_stages import SETTINGS, train_static, write_stages
 
-FRAMES, OUTFITS, MOVERS = 4, ("Tshirt+Trousers", "Dress"), ("ppca", "solver")
+FRAMES, OUTFITS, MOVERS = 4, ("Tshirt+Trousers", "Dress"), ("mlp", "ppca", "solver")
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,9 @@ def given(run_rule, folder, toy_body):
         cvar_std=conditions,
     )
     save_fit(folder / "ppca", DynamicPpca(PpcaSettings(latent=6), still))
+    known = np.ones(13 + 2 * 72 + 6, dtype=np.float32)
+    still = replace(still, cvar_mean=0 * known, cvar_std=known)
+    save_model(folder / "mlp", WrinkleMlp(WrinkleMlpSettings(latent=6, width=4), still))
     for gender in GENDERS:
         save_body(folder / f"whole_{gender}.npz", toy_body)
     poses = np.tile(REST_POSE, (FRAMES, 1))
@@ -70,6 +74,7 @@ def given(run_rule, folder, toy_body):
         "static": static,
         "motion": folder / "clip.npz",
         "ppca": folder / "ppca",
+        "mlp": folder / "mlp",
     }
 
 

@@ -217,8 +217,7 @@ def _diffuse(
     """Weights after one implicit step of diffusion.
 
     (1 + t (1 - A)) w' = w, where A averages over the neighbours; a walk of t steps gets as far as
-    the square root of t edges. Where faces are quads, so should they be here: diagonals would drag
-    hems aside.
+    the square root of t edges. Pass quads as quads: their diagonals would drag hems aside.
     """
     average = averaging_matrix(faces, len(vertices))
     time = (reach_m / mean_edge_length(vertices, faces)) ** 2

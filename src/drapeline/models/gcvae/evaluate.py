@@ -107,8 +107,8 @@ def dynamic_rows(
 ) -> Table:
     """Rows of the table of metrics for a dynamic model.
 
-    One that sees the frame has rows of what it decodes from the mean of the prior as well, which
-    does not, and, if it resolves penetration, of its garments before and after that.
+    One that sees the frame has rows of what it decodes from the mean of the prior, too; one that
+    resolves penetration, of its garments before and after that.
 
     Args:
         garments: every frame that is measured.
@@ -131,7 +131,7 @@ def dynamic_rows(
                 seen.append(codes)
                 decoded = {variant: decode(codes.mean), variant + PRIOR_SUFFIX: prior}
             frames = garments.data.frame[rows]
-            if codes and model.resolves_penetration:
+            if model.resolves_penetration:
                 poses = moving.poses[frames]
                 resolved = resolve_points(moving, body, topology, decoded[variant], poses)
                 decoded[variant + RESOLVED_SUFFIX] = resolved
@@ -219,7 +219,7 @@ def evaluate_static(job: Job) -> None:
 
 
 def evaluate_dynamic(job: Job) -> None:
-    """Metrics of the reconstructions of garments in motion."""
+    """Metrics of garments in motion, reconstructed or predicted."""
     given, params = job.input, job.params
     rows = dynamic_rows(
         load_codec(Path(given.model) / BEST),

@@ -182,7 +182,7 @@ def _places(
 
 def _weights(name: str, sheet: Mesh, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """(M, 24) skinning weights, as registered garments have them."""
-    bare = np.isin(body.segmentation, [JOINT_NAMES.index(name) for name in _BARE])
+    bare = np.isin(body.segmentation, [JOINT_NAMES.index(joint) for joint in _BARE])
     faces = body.faces[~bare[body.faces].any(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     there = rest_body(body, shape)[used]

@@ -82,7 +82,7 @@ class _GcvaeTasks:
         return [self.files.resting_in(*splits), self.files.moving_in(*splits)]
 
     def trainings(self) -> dict[str, Task]:
-        """Of conditionings, VAEs and PCA."""
+        """Of conditionings, VAEs, PCA and what predicts wrinkles or codes of pictures."""
         return {
             "conditioning/static": self._conditioning_static(),
             **{name: self._svae(name) for name in SVAE_VARIANTS},

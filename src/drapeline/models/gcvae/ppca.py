@@ -241,7 +241,7 @@ class GarmentPpca(GarmentCodec[TopologyBatch]):
     Attributes:
         constants: of the fit.
         channels: of a field: offsets, and the ramp of the mask where there is one.
-        conditioned: whether fields of a code are told the conditions.
+        conditioned: whether fields are regressed on the conditions.
     """
 
     model = "ppca"

@@ -412,9 +412,9 @@ class Animation(Settings):
         ("dvae", "mlp", SOLVER),
         min_length=1,
         description=(
-            "What moves them, each for a picture of its own: dvae, the paper's network, and ppca, "
-            "the linear model, both without wrinkles of their own; mlp, a network that predicts "
-            "wrinkles from motion; solver, the fast cloth solver."
+            "What moves them, each for a picture of its own: dvae, the paper's network, with the "
+            "mean of its prior; ppca and mlp, a linear model and a network that predict wrinkles "
+            "from motion; solver, the fast cloth solver."
         ),
     )
     clip: str | None = Field(

@@ -253,8 +253,7 @@ class StaticModel:
                 file; the free one of the gender if None.
             mover: "solver", the fast cloth solver; or the folder of a model of garments in motion
                 that was trained with this one's codes, such as `results/gcvae/wrinkle_mlp`,
-                which predicts wrinkles, or `results/gcvae/dynamic_ppca` and
-                `results/gcvae/dvae_unposed_4`, which move them without wrinkles of their own.
+                `results/gcvae/dynamic_ppca` or `results/gcvae/dvae_unposed_4`.
             settle: whether what a model has moved is then smoothed and pushed out of the body and
                 of what is worn beneath, which the paper does not do.
             hang_frames: for which garments hang at rest before a model moves them.

@@ -1,6 +1,7 @@
 """Trainings of a garment VAE and of its conditioning, from data and settings to a folder."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -162,7 +163,7 @@ def train_vae(
         complete: see `fit`.
 
     Raises:
-        InputError: a checkpoint is unusable, or an offset or the loss is not finite.
+        InputError: a checkpoint is unusable, or the loss is not finite.
     """
     training = model.settings.training
     about = {
@@ -232,7 +233,12 @@ def train_wrinkle_mlp(job: Job) -> None:
         TrainingBatches(rows, batch=training.batch, seed=training.seed),
         TrainingRun.of(job),
         monitor="val_loss",
-        settings={**settings.plain(), "begun_with": tensors_digest(model.state_dict())},
+        settings={
+            "checkpoint_type": model.checkpoint_type,
+            **settings.plain(),
+            "constants": asdict(model.constants),
+            "begun_with": tensors_digest(model.state_dict()),
+        },
     )
 
 

@@ -2,8 +2,8 @@
 
 Not in the paper, whose DVAE is shown the frame. A frame's wrinkles are a code of masked PCA that
 knows nothing of the pose; the network finds it from rotations of the joints, how fast they turn,
-which way is up, the wearer, and the code of the garment at rest. A ridge regression of wrinkles has
-the same conditions, but is linear in them: see docs/background/garment-vae.md.
+which way is up, the wearer, and the code of the garment at rest; docs/background/garment-vae.md has
+what each is worth.
 """
 
 from collections.abc import Mapping
@@ -21,13 +21,18 @@ from drapeline.learning_data.training_rows import with_mirror_images
 from drapeline.models.gcvae.codec import Code, TopologyBatch, conditions_of, encode_rows
 from drapeline.models.gcvae.data import BodyTemplate, DynamicGarments, cvar_statistics
 from drapeline.models.gcvae.ppca import DynamicPpca
-from drapeline.models.gcvae.settings import WrinkleMlpSettings
+from drapeline.models.gcvae.settings import (
+    WRINKLE_MLP,
+    WrinkleMlpSettings,
+    dynamic_conditions,
+)
 from drapeline.models.layers.linear import linear
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import TrainableModule
 from drapeline.seeding import rng_for
 
-_POSES, _JOINTS = 2, 24  # of conditions, and of a pose: more of the past adds nothing
+# Poses among the conditions, of which more add nothing, and joints of a pose.
+_POSES, _JOINTS = dynamic_conditions(WRINKLE_MLP)[1], 24
 _DEVIATIONS = 5.0  # from the mean of the training, beyond which an input says no more
 _DROPPED = 0.3  # share of the hidden numbers in a training step
 _SMALL_M = 1e-5  # keeps the gradient of a distance finite at zero
@@ -66,6 +71,7 @@ class WrinkleMlp(DynamicPpca, TrainableModule):
     model = "mlp"
     SETTINGS = WrinkleMlpSettings
     conditioned = False
+    resolves_penetration = False
     sees_frame = False
     settings: WrinkleMlpSettings
     feature_mean: torch.Tensor

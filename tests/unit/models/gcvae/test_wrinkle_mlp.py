@@ -61,7 +61,7 @@ def garments():
 
 
 @pytest.fixture
-def untrained(monkeypatch, garments):
+def fresh(monkeypatch, garments):
     """With its PCA fitted; the network predicts zero."""
     monkeypatch.setattr(BodyTemplate, "mirror", property(lambda self: tube_mirror()))
     size = 13 + 2 * 72 + CODE
@@ -77,13 +77,13 @@ def untrained(monkeypatch, garments):
 
 
 @pytest.fixture
-def model(untrained):
+def model(fresh):
     """The same, and the network predicts anything."""
     rng = torch.Generator().manual_seed(0)
     with torch.no_grad():
-        for weight in untrained.parameters():
+        for weight in fresh.parameters():
             weight.add_(0.3 * torch.randn(weight.shape, generator=rng))
-    return untrained
+    return fresh
 
 
 def test_static_conditions_and_code_are_seen_as_they_are():
@@ -101,14 +101,17 @@ def test_joints_are_seen_as_two_columns_of_their_matrices():
     np.testing.assert_allclose(seen.numpy(), wanted.ravel(), atol=1e-6)
 
 
-def test_a_body_that_lies_on_its_back_has_up_before_it():
-    lying = np.zeros((24, 3))
-    lying[0] = [-np.pi / 2, 0, 0]  # y, along the spine, points to -z; z, to the front, to y
-    upright = np.zeros((24, 3))
-    upright[0] = [np.pi / 2, 0, 0]
-    for pose, wanted in ((upright, [0, 1, 0]), (lying, [0, -1, 0]), (poses(3) * 0, [0, 0, 1])):
-        seen = motion_features(conditions(pose, pose))[0, UP]
-        np.testing.assert_allclose(seen.numpy(), wanted, atol=1e-6)
+@pytest.mark.parametrize(
+    ("turn", "wanted"),
+    [(90, [0, 1, 0]), (-90, [0, -1, 0]), (0, [0, 0, 1])],
+    ids=["upright", "on the head", "on the back"],
+)
+def test_which_way_is_up_is_seen_from_the_body(turn, wanted):
+    """Its y is along the spine, its z to the front; in the world, z is up."""
+    pose = np.zeros((24, 3))
+    pose[0, 0] = np.radians(turn)
+    seen = motion_features(conditions(pose, pose))[0, UP]
+    np.testing.assert_allclose(seen.numpy(), wanted, atol=1e-6)
 
 
 def test_a_joint_that_turns_is_seen_by_sine_and_axis():
@@ -129,12 +132,18 @@ def test_which_way_a_body_faces_is_not_seen():
     torch.testing.assert_close(one, other, atol=1e-5, rtol=0)
 
 
+def unpredicting(model):
+    """The same PCA, and a network that predicts zero."""
+    plain = WrinkleMlp(model.settings, model.body_template).eval()
+    plain.ppca.load_state_dict(model.ppca.state_dict())
+    return plain
+
+
 def test_a_code_says_how_far_a_frame_is_from_the_prediction(model, garments):
     batch = as_tensors(garments.batch(garments.rows("test")))
     code, predicted = model.encode(batch), model.predict(batch["cvar"])
     assert predicted.abs().max() > 0.1
-    plain = WrinkleMlp(model.settings, model.body_template).eval()  # predicts zero
-    plain.ppca.load_state_dict(model.ppca.state_dict())
+    plain = unpredicting(model)
     torch.testing.assert_close(code.mean + predicted, plain.encode(batch).mean)
     zero = torch.zeros_like(code.mean)
     made, mask = model.decode(zero, batch["cvar"], batch["topology"])
@@ -148,8 +157,7 @@ def test_the_loss_is_the_root_mean_square_distance_of_the_fields(model, garments
     batch = as_tensors(garments.batch(rows))
     z = torch.randn(len(rows), 5, generator=torch.Generator().manual_seed(3))
     model.validation_step({**batch, "z": z})
-    plain = WrinkleMlp(model.settings, model.body_template).eval()
-    plain.ppca.load_state_dict(model.ppca.state_dict())
+    plain = unpredicting(model)
     topology = batch["topology"]
     made, _ = plain.decode(model.predict(batch["cvar"]), batch["cvar"], topology)
     true, _ = plain.decode(z, batch["cvar"], topology)
@@ -159,8 +167,8 @@ def test_the_loss_is_the_root_mean_square_distance_of_the_fields(model, garments
     )
 
 
-def test_frames_and_mirror_images_are_learned_from(untrained, garments):
-    rows = CodeRows(untrained, garments)
+def test_frames_and_mirror_images_are_learned_from(fresh, garments):
+    rows = CodeRows(fresh, garments)
     train, val = garments.rows("train"), garments.rows("val")
     assert len(rows.rows("train")) == 2 * len(train)
     assert len(rows.rows("val")) == len(val)
@@ -176,20 +184,27 @@ def test_frames_and_mirror_images_are_learned_from(untrained, garments):
     batch = garments.batch(train)
     flipped = batch["offsets"][:, tube_mirror()] * np.array([-1, 1, 1], dtype=np.float32)
     mask = batch["mask"][:, tube_mirror()]
-    there = untrained.encode(as_tensors({**batch, "offsets": flipped, "mask": mask})).mean.numpy()
-    np.testing.assert_allclose(image["z"], there, atol=1e-5)
-    here = untrained.encode(as_tensors(batch)).mean.numpy()
-    np.testing.assert_allclose(one["z"], here, atol=1e-5)
+    there = fresh.encode(as_tensors({**batch, "offsets": flipped, "mask": mask})).mean.numpy()
+    np.testing.assert_allclose(image["z"], there, rtol=1e-4, atol=1e-4)
+    here = fresh.encode(as_tensors(batch)).mean.numpy()
+    np.testing.assert_allclose(one["z"], here, rtol=1e-4, atol=1e-4)
 
 
-def test_no_test_row_is_read(untrained, garments):
-    garments.offsets[garments.rows("test")] = np.nan
-    rows = CodeRows(untrained, garments)
-    kept = np.concatenate([rows.rows("train"), rows.rows("val")])
-    assert np.isfinite(rows.batch(kept)["z"]).all()
+def test_no_test_row_is_read(fresh, garments):
+    read = []
+
+    class Watched(MovingToys):
+        def batch(self, rows):
+            read.extend(rows)
+            return super().batch(rows)
+
+    watched = Watched()
+    fresh.fit(watched)
+    CodeRows(fresh, watched)
+    assert set(read) == {*garments.rows("train"), *garments.rows("val")}
 
 
-def test_dropout_of_a_step_depends_on_seed_and_step_alone(model, garments):
+def test_a_step_that_is_taken_again_drops_the_same_numbers(model, garments):
     rows = CodeRows(model, garments)
     batch = as_tensors(rows.batch(rows.rows("train")))
     model.train()
