@@ -72,7 +72,7 @@ CASES = {
     },
     # How networks are trained is nothing to those who use them.
     "drapeline.models.garment4d.losses:posed_loss": TRAINED["garment4d"],
-    "drapeline.models.gcvae.vae:prepare": TRAINED["gcvae"],
+    "drapeline.models.gcvae.train:train_vae": TRAINED["gcvae"],
     "drapeline.models.gcvae.movers:move_by_model": {"gcvae/animated"},
     "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
     # Much imports this module, and a few call this.
