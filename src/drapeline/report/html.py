@@ -22,7 +22,7 @@ th { font-weight: 600; border-bottom: 2px solid #6b6f76; vertical-align: bottom;
 th[aria-sort=ascending]::after { content: " \\25B4"; }
 th[aria-sort=descending]::after { content: " \\25BE"; }
 table.many { font-size: .77rem; } table.many :is(th, td) { padding-right: .15rem; }
-table.many th { font-size: .75rem; letter-spacing: -.035em; }
+table.many th { font-size: .7rem; letter-spacing: -.035em; }
 table.many .theirs { padding-left: .1rem; }
 td:first-child { min-width: 5rem; max-width: 22rem; }
 table.many td:first-child { min-width: 5rem; }
