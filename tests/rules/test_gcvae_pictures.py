@@ -10,6 +10,7 @@ from PIL import Image
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
+from drapeline.learning_data.static import CONDITIONS
 from drapeline.metrics.predictions import load_fitted_picture, load_fitted_scans
 from drapeline.metrics.table import read_metrics
 from drapeline.models.gcvae.pictures.model import PictureModel
@@ -17,24 +18,11 @@ from drapeline.models.gcvae.pictures.network import load_coder
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.report.models.gcvae.pictures import GARMENTS_AT_REST, PICTURES, load_pictures
 from toys.gcvae_files import SETTINGS, save_model, shaken, template_on_body, torso_registration
-from toys.pictured import CONDITIONS, VIEWS, save_toy_pictures
+from toys.pictured import HANGING, VIEWS, save_toy_pictures
 from toys.smplicit import toy_bodies
 from toys.tiny_sample import write_tiny_sample
 
 VARIANTS = ("network", "nearest", "untrained", "mean_code", "mean_garment", "registered")
-HANGING = {
-    "solver": "drapeline.xpbd.solver",
-    "hanging": {
-        "edge_length_m": 0.05,
-        "simulation": {
-            "steps_min": 4,
-            "steps_max": 4,
-            "shape_frames": 1,
-            "pose_frames": 1,
-            "settle_frames": 0,
-        },
-    },
-}
 
 
 @pytest.fixture(scope="module")

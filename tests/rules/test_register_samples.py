@@ -65,6 +65,16 @@ def test_a_sample_is_registered_and_its_frames_come_back(run_rule, supers, tmp_p
                 np.testing.assert_allclose(back, garment.points(cloth), atol=1e-5)
 
 
+def test_skirts_follow_both_legs_everywhere(run_rule, supers, tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body)
+    register(run_rule, tiny, supers, tmp_path / "registration")
+    skirt = load_sample_garment(tmp_path / "registration" / "00001" / "Skirt.npz")
+    legs = skirt.weights[:, [1, 4]].sum(1), skirt.weights[:, [2, 5]].sum(1)  # left, right
+    hem = sum(legs) > 0.5
+    assert hem.sum() > 50
+    assert np.minimum(*legs)[hem].min() > 0.02
+
+
 def test_a_rejected_sample_leaves_its_status_only(run_rule, supers, tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
     register(run_rule, tiny, supers, tmp_path / "registration")

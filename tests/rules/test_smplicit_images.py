@@ -10,25 +10,13 @@ from PIL import Image
 from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.predictions import load_fitted_picture
+from toys.pictured import HANGING
 from toys.tiny_sample import write_tiny_sample
 
 SIZE = 120
 TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
 FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
-HANGING = {
-    "solver": "drapeline.xpbd.solver",
-    "hanging": {
-        "edge_length_m": 0.05,
-        "simulation": {
-            "steps_min": 4,
-            "steps_max": 4,
-            "shape_frames": 1,
-            "pose_frames": 1,
-            "settle_frames": 0,
-        },
-    },
-}
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, save_body
 from drapeline.frames import GENDERS, REST_POSE, gender_codes
 from drapeline.learning_data.skinned import SampleMotion
-from drapeline.learning_data.static import StaticData
+from drapeline.learning_data.static import CONDITIONS, StaticData
 from drapeline.models.gcvae.pictures.data import collect_pictures
 from drapeline.models.gcvae.settings import PictureViews
 from drapeline.models.gcvae.vae import StaticVae
@@ -18,7 +18,20 @@ from toys.gcvae_files import SETTINGS, save_model, shaken, template_on_body, tor
 from toys.smplicit import toy_bodies, toy_outfits
 
 VIEWS = PictureViews(size_px=32, per_outfit=2)
-CONDITIONS = 13
+# A solver whose garments hang at once.
+HANGING = {
+    "solver": "drapeline.xpbd.solver",
+    "hanging": {
+        "edge_length_m": 0.05,
+        "simulation": {
+            "steps_min": 4,
+            "steps_max": 4,
+            "shape_frames": 1,
+            "pose_frames": 1,
+            "settle_frames": 0,
+        },
+    },
+}
 
 
 def toy_motions() -> list[SampleMotion]:

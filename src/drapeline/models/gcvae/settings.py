@@ -295,7 +295,14 @@ class PpcaSettings(Settings):
     seed: int = Field(0, description="Seed of the rows and the vertices that are chosen.")
 
 
-class MlpTraining(StepTraining):
+class _OneCycleTraining(StepTraining):
+    learning_rate: float = Field(0.002, gt=0, le=1, description="Learning rate of Adam.")
+    schedule: Literal["constant", "one_cycle"] = Field(
+        "one_cycle", description="Schedule of the learning rate."
+    )
+
+
+class MlpTraining(_OneCycleTraining):
     """How the network that predicts wrinkles is trained."""
 
     steps: int = Field(
@@ -305,10 +312,6 @@ class MlpTraining(StepTraining):
         description="Steps of the network that predicts wrinkles, in whole passes over the frames.",
     )
     batch: int = Field(512, ge=1, le=65_536, description="Frames per step.")
-    learning_rate: float = Field(0.002, gt=0, le=1, description="Learning rate of Adam.")
-    schedule: Literal["constant", "one_cycle"] = Field(
-        "one_cycle", description="Schedule of the learning rate."
-    )
 
 
 class Mlp(Settings):
@@ -444,7 +447,7 @@ class PictureViews(Settings):
     seed: SkipJsonSchema[int] = Field(0, description="Seed of the poses and of the cameras.")
 
 
-class PictureTraining(StepTraining):
+class PictureTraining(_OneCycleTraining):
     """How the network of pictures is trained."""
 
     steps: int = Field(
@@ -454,10 +457,6 @@ class PictureTraining(StepTraining):
         description="Steps of the network of pictures, in whole passes over them.",
     )
     batch: int = Field(32, ge=2, le=4096, description="Garments in pictures per step.")
-    learning_rate: float = Field(0.002, gt=0, le=1, description="Learning rate of Adam.")
-    schedule: Literal["constant", "one_cycle"] = Field(
-        "one_cycle", description="Schedule of the learning rate."
-    )
 
 
 class PictureNetwork(Settings):
