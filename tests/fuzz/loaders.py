@@ -65,6 +65,7 @@ from drapeline.metrics.predictions import (
     save_fitted_scans,
 )
 from drapeline.metrics.table import read_metrics, write_metrics
+from drapeline.models.garment4d.final_step import fit_final_step
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     PosedStage,
@@ -103,6 +104,7 @@ from drapeline.outfits.settings import own_garments
 from drapeline.outfits.static import load_static
 from drapeline.outfits.templates import build_templates, load_templates
 from drapeline.outfits.user_garment import load_user_garment
+from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment
 from drapeline.registration.to_body.hierarchy import Hierarchy, load_hierarchy, save_hierarchy
 from drapeline.registration.to_body.topology import (
@@ -644,7 +646,8 @@ def _make_stages(folder: Path) -> None:
         out = folder / name
         out.mkdir()
         write_checkpoint(out / BEST, stage.state_dict(), stage.checkpoint_metadata())
-    save_posed_files(out, sequences, posed.settings.skinning)
+    step = fit_final_step(sequences, posed.settings.skinning, [], RefineSettings(), "skinned")
+    save_posed_files(out, sequences, step)
 
 
 def _make_field_model(folder: Path) -> None:
@@ -986,7 +989,10 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("sampled_garments", _make_samples, load_samples)
     yield Loader("reconstruction_model", _make_stages, lambda f: load(f / "posed"), "posed/*")
     yield Loader(
-        "posed_files", _make_stages, lambda f: load_posed_files(f / "posed"), "posed/*.npz"
+        "posed_files",
+        _make_stages,
+        lambda f: load_posed_files(f / "posed", load_stage(f / "posed", PosedStage)),
+        "posed/*.npz",
     )
     yield Loader("fitting_model", _make_field_model, lambda f: load(f / "skirt"), "skirt/*")
     yield Loader(

@@ -57,6 +57,7 @@ def toy_sequence(
         gender="female",
         shape=shape,
         poses=poses,
+        trans=np.zeros((len(poses), 3)),
         number=10 + np.arange(frames) * (3 if source == "skinned" else 1),
         points=points[:, order].astype(np.float32),
         labels=np.tile(labels[order], (frames, 1)),

@@ -55,6 +55,43 @@ class BodySequence:
     labels: ClipLabels
 
 
+def untouched_sequence(
+    shape: np.ndarray, gender: str, poses: np.ndarray, trans: np.ndarray
+) -> BodySequence:
+    """A body that moves as it is told: nothing is done about self-collisions.
+
+    Args:
+        shape: (10,).
+        gender: "female" or "male".
+        poses: (N, 72) rad.
+        trans: (N, 3) of the root joint, world metres.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    return BodySequence(
+        np.asarray(shape, dtype=np.float64),
+        gender,
+        np.asarray(poses, dtype=np.float64),
+        np.asarray(trans, dtype=np.float64),
+        outcome="free",
+        reason="",
+        thinned=0,
+        redrawn=0,
+        removed_segments=none,
+        fix_frame=none,
+        fix_vertex=none,
+        fix_delta=np.zeros((0, 3), dtype=np.float32),
+        collided_frames=0,
+        deepest_m=0.0,
+        overlap_share=0.0,
+        overlap_depth_m=0.0,
+        penetration_m=0.0,
+        sliding_m_s=0.0,
+        hover_s=0.0,
+        flight_s=0.0,
+        labels=ClipLabels(),
+    )
+
+
 def press_apart(
     vertices: np.ndarray,
     frames: np.ndarray,

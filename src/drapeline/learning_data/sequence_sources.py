@@ -55,6 +55,7 @@ def simulated_sequences(
                 gender=info.gender,
                 shape=np.asarray(info.shape),
                 poses=np.asarray(info.poses),
+                trans=np.asarray(info.trans),
                 number=np.arange(sample.frame_count),
                 points=cloud.points,
                 labels=cloud.labels,
@@ -108,6 +109,8 @@ def skinned_sequences(
                     gender=one.gender,
                     shape=one.shape,
                     poses=one.poses,
+                    # Nothing but its pose is known to skinning.
+                    trans=np.zeros((len(one.poses), 3)),
                     number=one.number,
                     points=one.points,
                     labels=one.labels,

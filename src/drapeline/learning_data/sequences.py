@@ -56,6 +56,7 @@ class GarmentSequence:
     gender: str  # "female" or "male"
     shape: np.ndarray  # (10,)
     poses: np.ndarray  # (T, 72) rad
+    trans: np.ndarray  # (T, 3) of the root joint in the world, metres
     # (T,) of the frames in the motion, rising; those of skinned sequences may be some frames apart.
     number: np.ndarray
     points: np.ndarray  # (T, P, 3) clouds
@@ -101,6 +102,7 @@ def collect_sequences(
         save_npz(
             scratch / "frames.npz",
             poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
+            trans=np.concatenate([one.trans for one in sequences]).astype(np.float32),
             sequence=np.repeat(np.arange(len(sequences)), counts),
             number=np.concatenate([one.number for one in sequences]),
         )
@@ -197,7 +199,8 @@ class SequenceData:
     Attributes:
         label: its code in `LABELS`.
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
-        poses, number: (F, 72) and (F,) frame numbers in the motion.
+        poses, trans: (F, 72) and (F, 3) of the root joint in the world.
+        number: (F,) of the frames in the motion.
         name, source, split, clip, start, count: (S,) of the sequences; start is their first row.
         shape, gender: (S, 10) and (S,) "female" or "male".
         canonical, coefficients: (S, N, 3), (S, D).
@@ -214,9 +217,10 @@ class SequenceData:
         arrays = open_arrays(folder, _ARRAYS, n=len(self.space.mean))
         self.points, self.labels, self.garment = (arrays[key] for key in _ARRAYS)
         frames = load_npz(
-            folder / "frames.npz", {"poses": "float f 72", "sequence": "int f", "number": "int f"}
+            folder / "frames.npz",
+            {"poses": "float f 72", "trans": "float f 3", "sequence": "int f", "number": "int f"},
         )
-        self.poses, self.number = frames["poses"], frames["number"]
+        self.poses, self.trans, self.number = (frames[key] for key in ("poses", "trans", "number"))
         components, vertices, _ = self.space.components.shape
         table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
         self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
@@ -241,7 +245,7 @@ class SequenceData:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Every array by name, for a digest of the data."""
-        keys = ("points", "labels", "garment", "poses", "number", *_PER_SEQUENCE)
+        keys = ("points", "labels", "garment", "poses", "trans", "number", *_PER_SEQUENCE)
         own = {key: getattr(self, key) for key in keys}
         return own | {f"space/{key}": value for key, value in vars(self.space).items()}
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import Mesh, vertex_normals
 from drapeline.metrics.garment import (
     CONTACT_STEP,
     area_distance_mm,
@@ -53,6 +53,40 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray) -> float:
     # Second differences are linear: those of the error are the difference of the two.
     error = np.asarray(predicted, dtype=np.float64) - true
     return float(FPS**2 * np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1).mean())
+
+
+def velocity_error_m_s(predicted: np.ndarray, true: np.ndarray) -> float:
+    """Mean length of the difference of velocities, by first differences.
+
+    Unlike M3, it grows when cloth swings late or not at all, and hardly with noise.
+
+    Args:
+        predicted, true: (F, N, 3) metres, consecutive frames of one whole sequence, 30 per second.
+
+    Returns:
+        m/s, over the F - 1 steps; NaN with a single frame.
+    """
+    if len(true) < 2:
+        return float("nan")
+    error = np.asarray(predicted, dtype=np.float64) - true
+    return float(FPS * np.linalg.norm(np.diff(error, axis=0), axis=-1).mean())
+
+
+def split_error_mm(predicted: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """M2 in two: off the true surface, along its normals, and beside the right place on it.
+
+    Args:
+        predicted, true: (F, N, 3) metres.
+        faces: (E, 3).
+    """
+    error = np.asarray(predicted, dtype=np.float64) - true
+    normals = np.stack([vertex_normals(frame, faces) for frame in true])
+    off = (error * normals).sum(axis=-1)
+    along = np.sqrt(np.maximum((error**2).sum(axis=-1) - off**2, 0))
+    return {
+        "off_surface_mm": float(1000 * np.abs(off).mean()),
+        "along_surface_mm": float(1000 * along.mean()),
+    }
 
 
 def to_cloud_mm(vertices: Iterable[np.ndarray], points: Iterable[np.ndarray]) -> float:
@@ -112,9 +146,11 @@ def sequence_measures(
     measures = {}
     if true is not None:
         measures["vertex_error_mm"] = vertex_error_mm(garment, true)
+        measures["velocity_error_m_s"] = velocity_error_m_s(garment, true)
         measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
         if faces is not None:
             both = garment[::CONTACT_STEP], true[::CONTACT_STEP]
+            measures |= split_error_mm(garment, true, faces)
             measures |= surface_means(*([Mesh(v, faces) for v in some] for some in both))
     if points is not None:
         measures["to_cloud_mm"] = to_cloud_mm(garment, points)

@@ -56,6 +56,7 @@ _MOMENTUM = 0.9  # share of the last round's step that the next one starts with
 _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a close one
 _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
+_SKIN_NEAR = 2.0  # distances between points, within which skin is taken for seen
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
 
 
@@ -70,13 +71,15 @@ def fit_to_points(
     settings: RefineSettings,
     proposal: np.ndarray | None = None,
     worn_statistics: WornGarmentStatistics | None = None,
+    bare: np.ndarray | None = None,
 ) -> np.ndarray:
     """Garments (F, N, 3) float32 near the points, of the canonical lengths, smooth in time.
 
     Each round pulls every vertex towards the points whose nearest places on the garment it is a
-    corner of, and out of the body. It then minimises the sum of squares of the remaining pulls, the
-    changes of length, the accelerations and the changes from the start, which is a linear system.
-    Its matrix is constant, so it is factorised once, separately for each frequency in time.
+    corner of, off skin that is seen, and out of the body. It then minimises the sum of squares of
+    the remaining pulls, the changes of length, the accelerations and the changes from the start,
+    which is a linear system. Its matrix is constant, so it is factorised once, separately for each
+    frequency in time.
 
     Args:
         vertices: (F, N, 3) garments of all frames of a sequence, root frame, metres.
@@ -89,6 +92,7 @@ def fit_to_points(
             None.
         worn_statistics: of the type; if None, lengths are those at rest, all vertices start
             equally well, and accelerations are compared with zero.
+        bare: (F, P) bool, which points are skin, see `SeenSkin`; none if None.
     """
     if worn_statistics is None:
         count = len(rest)
@@ -103,11 +107,15 @@ def fit_to_points(
     accelerations = solver.acceleration_gradient(start if proposal is None else proposal)
     constant += worn_statistics.follow[:, None] * accelerations
     garment, before = start, start
+    skin = None if bare is None else SeenSkin(points, chosen, bare)
     for number in range(settings.rounds):
         ahead = garment + _MOMENTUM * (garment - before)
         if number % _BODY_EVERY == 0:
             nearest = _nearest_rows(body, ahead)
+            goals = None if skin is None else skin.goals(ahead)
         pull = point_pull(ahead, points, chosen, faces, _REACH_M)
+        if goals is not None:
+            pull += np.nan_to_num(goals - ahead)
         pull += body_push(ahead, body, body_normals, nearest, settings.gap_m)
         before, garment = garment, solver(constant + ahead + pull + cloth.lengths(ahead))
     return garment.astype(np.float32)
@@ -220,6 +228,48 @@ def point_pull(
     usual = np.repeat(chosen.sum(1) / count, count)
     total = np.maximum(np.bincount(corners.ravel(), weight.ravel(), frames * count), usual)
     return (gather.T @ offset / np.maximum(total, _SMALL_M)[:, None]).reshape(garment.shape)
+
+
+class SeenSkin:
+    """Skin that is seen, where the garment cannot be.
+
+    Points alone draw a garment to where it is. They do not tell a hem that it has slipped to
+    above the knee, as long as the rest of the cloth is near them: bare knees do.
+
+    Args:
+        points: (F, P, 3) metres.
+        chosen: (F, P) bool, the garment's.
+        bare: (F, P) bool, of skin.
+    """
+
+    def __init__(self, points: np.ndarray, chosen: np.ndarray, bare: np.ndarray) -> None:
+        self._cloth, self._skin = (
+            [
+                cKDTree(cloud[mask]) if mask.any() else None
+                for cloud, mask in zip(points, masks, strict=True)
+            ]
+            for masks in (chosen, bare)
+        )
+        # Of the garment's own points, which may be fewer than those of skin.
+        self._spacing_m = [
+            float(np.median(tree.query(tree.data, k=2)[0][:, 1])) if tree and tree.n > 1 else 0.0
+            for tree in self._cloth
+        ]
+
+    def goals(self, garment: np.ndarray) -> np.ndarray:
+        """(F, N, 3) the garment's points nearest to vertices that lie on bare skin; NaN elsewhere.
+
+        There, skin is about as near as points are to one another, and nearer than cloth.
+        """
+        goals = np.full(garment.shape, np.nan)
+        for frame, (cloth, skin) in enumerate(zip(self._cloth, self._skin, strict=True)):
+            if cloth is None or skin is None:
+                continue
+            to_cloth, row = cloth.query(garment[frame])
+            to_skin, spacing = skin.query(garment[frame])[0], self._spacing_m[frame]
+            off = (to_skin < _SKIN_NEAR * spacing) & (to_cloth > to_skin + spacing)
+            goals[frame, off] = cloth.data[row[off]]
+        return goals
 
 
 def body_push(

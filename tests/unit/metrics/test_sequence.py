@@ -12,7 +12,9 @@ from drapeline.metrics.sequence import (
     inside_means,
     segmentation_accuracy,
     sequence_measures,
+    split_error_mm,
     to_cloud_mm,
+    velocity_error_m_s,
     vertex_error_mm,
     vertex_errors_mm,
 )
@@ -106,6 +108,31 @@ def test_one_way_distance_is_that_of_the_slow_twin_and_looks_one_way(motion):
     assert to_cloud_mm(motion, more) == 0
 
 
+def test_velocity_errors_are_those_of_what_moves_and_should_not(motion):
+    # 3 mm per frame too fast, whatever the true motion is.
+    drift = 0.003 * np.arange(len(motion))[:, None, None] * np.array([0.0, 1.0, 0.0])
+    assert velocity_error_m_s(motion + drift, motion) == pytest.approx(0.09, rel=1e-4)
+    assert velocity_error_m_s(motion + 0.5, motion) == pytest.approx(0, abs=1e-4)
+    assert np.isnan(velocity_error_m_s(motion[:1], motion[:1]))
+
+
+def test_errors_fall_apart_into_those_off_the_surface_and_along_it():
+    vertices, faces = ball(0.3)
+    true = np.stack([vertices, vertices + 1])
+    wider = np.stack([1.1 * vertices, 1.1 * vertices + 1])
+    found = split_error_mm(wider, true, faces)
+    assert found["off_surface_mm"] == pytest.approx(30, rel=0.01)
+    assert found["along_surface_mm"] < 1
+    turn = 0.05
+    turned = vertices @ np.array(
+        [[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+    )
+    found = split_error_mm(np.stack([turned, turned + 1]), true, faces)
+    wanted = 1000 * turn * np.linalg.norm(vertices[:, :2], axis=1).mean()
+    assert found["along_surface_mm"] == pytest.approx(wanted, rel=0.01)
+    assert found["off_surface_mm"] < 0.05 * wanted
+
+
 def test_clouds_must_be_as_many_as_frames(motion):
     with pytest.raises(ValueError, match="shorter"):
         to_cloud_mm(motion, motion[:3])
@@ -138,7 +165,11 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 def test_sequence_measures_follow_what_is_known(motion):
     vertices, faces = ball(0.05)
     body = BodyFrames(lambda frame: vertices, faces)
-    assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
+    assert set(sequence_measures(motion, motion)) == {
+        "vertex_error_mm",
+        "velocity_error_m_s",
+        "acceleration_error_m_s2",
+    }
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
     found = sequence_measures(motion + 0.01, motion, body=body, points=motion)
     assert found["vertex_error_mm"] == pytest.approx(np.sqrt(300), rel=1e-4)

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import (
     EdgeSprings,
+    SeenSkin,
     SmoothnessSolver,
     WornGarmentStatistics,
     body_push,
@@ -254,3 +255,33 @@ def test_a_garment_is_taken_out_of_the_body():
     after = (np.linalg.norm(made[..., :2], axis=-1) < 0.119).mean()
     assert before == 1
     assert after < 0.2
+
+
+def test_vertices_on_bare_skin_go_to_the_hem_and_hidden_ones_stay():
+    # A sleeve along x, seen up to x = .2; from there to .4 the arm is bare, beyond nothing is seen.
+    grid = np.stack(np.meshgrid(np.arange(0, 0.41, 0.02), np.arange(0, 0.11, 0.02)), -1)
+    cloud = np.concatenate([grid.reshape(-1, 2), np.zeros((grid[..., 0].size, 1))], axis=1)
+    cloth = cloud[:, 0] < 0.205
+    garment = np.array([[0.1, 0.05, 0.0], [0.21, 0.05, 0.0], [0.3, 0.04, 0.0], [0.9, 0.05, 0.0]])
+    skin = SeenSkin(cloud[None], cloth[None], ~cloth[None])
+    goals = skin.goals(garment[None])[0]
+    assert np.isnan(goals[[0, 1, 3]]).all()
+    np.testing.assert_allclose(goals[2], [0.2, 0.04, 0.0])
+    # Without cloth in a frame nothing is known of where it ends.
+    assert np.isnan(
+        SeenSkin(cloud[None], ~cloth[None] & cloth[None], cloth[None]).goals(garment[None])
+    ).all()
+
+
+def test_a_garment_that_is_too_long_ends_where_skin_begins():
+    rest = tube()
+    low, high = rest[:, 2].min(), rest[:, 2].max()
+    middle = (low + high) / 2
+    rng = rng_for(0, "bare")
+    cloud = on_surface(rest[None], 3000, rng)
+    cloth = cloud[..., 2] > middle
+    ends = [
+        fitted(rest[None], cloud, chosen=cloth, bare=bare)[0][:, 2].min()
+        for bare in (np.zeros_like(cloth), ~cloth)
+    ]
+    assert ends[1] > ends[0] + 0.2 * (middle - low)

@@ -5,7 +5,7 @@ cloud, N vertices of the template, K of its springs, M body vertices that networ
 frames of a window, D components of the garment space.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -19,12 +19,11 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
-from drapeline.learning_data.sequences import KINDS, SIMULATED, SequenceData
+from drapeline.learning_data.sequences import KINDS, SequenceData
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.layers.linear import linear_blend_skinning
 from drapeline.models.layers.point_search import farthest_points
 from drapeline.models.training.batches import ByteCache, count_bytes
-from drapeline.registration.to_points import WornGarmentStatistics, spring_lengths, springs
 from drapeline.rule_log import LOGGER
 
 _KEPT_BODIES = 512  # of some hundred kilobytes each
@@ -78,11 +77,15 @@ class ShapedBody:
     Args:
         model: whole, in SMPL's format.
         surface: its vertices that networks are given.
+        gender: "female" or "male".
         shape: (10,).
     """
 
-    def __init__(self, model: BodyModel, surface: SurfaceSample, shape: np.ndarray) -> None:
-        self.model, self.surface, self.shape = model, surface, np.asarray(shape)
+    def __init__(
+        self, model: BodyModel, surface: SurfaceSample, gender: str, shape: np.ndarray
+    ) -> None:
+        self.model, self.surface, self.gender = model, surface, gender
+        self.shape = np.asarray(shape)
 
     @cached_property
     def rest_surface(self) -> tuple[np.ndarray, np.ndarray]:
@@ -126,7 +129,7 @@ class BodySet:
 
     def of(self, gender: str, shape: np.ndarray) -> ShapedBody:
         """The body of a gender and a shape (10,)."""
-        return ShapedBody(self.models[gender], self._surfaces[gender], shape)
+        return ShapedBody(self.models[gender], self._surfaces[gender], gender, shape)
 
 
 class BodySequences:
@@ -378,68 +381,3 @@ def propose_garment(
     """(F, N, 3) proposals of a canonical garment on a body in poses (F, 72)."""
     weights = skinning_weights(body, canonical, faces, settings)
     return proposals(canonical[None], weights[None], body.transforms(poses)[None])[0]
-
-
-def training_worn_statistics(
-    sequences: BodySequences, skinning: SkinningSettings
-) -> WornGarmentStatistics | None:
-    """Statistics of a type's simulated training sequences against proposals; None without any.
-
-    Static outfits in motion follow their skinning, so they would tell nothing of cloth.
-    """
-    data = sequences.data
-    chosen = data.of_split("train", (SIMULATED,))
-    if not len(chosen):
-        return None
-    return measure_worn_garments(
-        (data.garment[data.rows(sequence)] for sequence in chosen),
-        (
-            propose_garment(
-                sequences.body(sequence),
-                data.poses[data.rows(sequence)],
-                data.canonical[sequence],
-                data.space.faces,
-                skinning,
-            )
-            for sequence in chosen
-        ),
-        (data.canonical[sequence] for sequence in chosen),
-        data.space.faces,
-    )
-
-
-def measure_worn_garments(
-    garments: Iterable[np.ndarray],
-    proposals: Iterable[np.ndarray],
-    canonicals: Iterable[np.ndarray],
-    faces: np.ndarray,
-) -> WornGarmentStatistics:
-    """Means over training sequences and one more that has the mean at all vertices and springs.
-
-    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
-    the body while others hang.
-
-    Args:
-        garments: (F, N, 3) worn garments of each sequence, simulated, metres.
-        proposals: (F, N, 3) the same garments by skinning alone.
-        canonicals: (N, 3) of the same sequences.
-        faces: (E, 3).
-    """
-    pairs = springs(faces)[0]
-    share, squared, products, squares = [], [], 0.0, 0.0
-    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
-        worn = spring_lengths(garment, pairs).mean(axis=0)
-        share.append(worn / np.maximum(spring_lengths(rest, pairs), _SMALL_M))
-        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
-        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
-        products, squares = products + (made * true).sum((0, 2)), squares + (made**2).sum((0, 2))
-    follow = (products + np.mean(products) / len(share)) / np.maximum(
-        squares + np.mean(squares) / len(share), _SMALL_M**2
-    )
-    return WornGarmentStatistics(
-        _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
-    )
-
-
-def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
-    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)

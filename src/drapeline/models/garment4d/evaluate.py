@@ -25,6 +25,7 @@ from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import METRICS_FILE, join, summarise, without_all, write_metrics
 from drapeline.models.garment4d.data import BodySequences, BodySet, ShapedBody
+from drapeline.models.garment4d.final_step import FinalStep, LaidGarment, Seen
 from drapeline.models.garment4d.reconstruct import (
     DEFAULT_REFINING,
     Estimate,
@@ -33,7 +34,6 @@ from drapeline.models.garment4d.reconstruct import (
     build_reconstruction,
     estimate,
     reconstruct,
-    refine,
 )
 from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
 from drapeline.models.garment4d.stages import (
@@ -49,7 +49,6 @@ from drapeline.models.training.checkpoints import tensors_digest
 from drapeline.models.training.module import fastest_device
 from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 from drapeline.seeding import rng_for
@@ -65,7 +64,7 @@ class SplitEvaluation:
 
     Args:
         split: "train", "val" or "test".
-        worn_statistics: of the training sequences, see `training_worn_statistics`.
+        final_step: our last step; without corrections of garments at rest if None.
 
     Raises:
         InputError: no sequence of the split is simulated. Garments moved by skinning are never
@@ -78,11 +77,14 @@ class SplitEvaluation:
         split: str,
         settings: EvaluationSettings,
         refining: RefineSettings = DEFAULT_REFINING,
-        worn_statistics: WornGarmentStatistics | None = None,
+        final_step: FinalStep | None = None,
     ) -> None:
         self.sequences, self.data = sequences, sequences.data
         self.split, self.settings = split, settings
-        self.refining, self.worn_statistics = refining, worn_statistics
+        self.refining = refining
+        self.final_step = final_step or FinalStep(
+            self.data.space, self.data.label, SkinningSettings()
+        )
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
         self._moving_body = lru_cache(1)(self._measured_body)  # all variants of one after another
@@ -152,28 +154,38 @@ class SplitEvaluation:
         self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
         return made
 
-    def measure_ours(self, sequence: int, made: ReconstructedGarment) -> np.ndarray:
-        """Measure our variant and return it, (F, N, 3)."""
+    def measure_ours(self, sequence: int, made: ReconstructedGarment) -> ReconstructedGarment:
+        """Measure our variant at rest and in motion, and return it as a reconstruction."""
         started = time.perf_counter()
-        refined = self._refine(sequence, made)
+        laid = self._lay(sequence, made)
         seconds = made.seconds + time.perf_counter() - started
-        self.measure_garment("ours", sequence, refined, seconds=seconds)
-        return refined
+        self._measure_canonical("ours", sequence, laid.canonical)
+        self.measure_garment("ours", sequence, laid.final, seconds=seconds)
+        return made._replace(**laid._asdict())
 
-    def _refine(
-        self, sequence: int, made: ReconstructedGarment, *, noisy: bool = False
-    ) -> np.ndarray:
-        """(F, N, 3) of our last step."""
+    def measure_oracles(self, sequence: int, made: ReconstructedGarment) -> None:
+        """Our variant given parts of the truth: what better ones would be worth."""
         data = self.data
-        return refine(
-            made,
-            data.points[data.rows(sequence)],
-            *self._body(sequence, noisy=noisy),
-            data.label,
-            data.space.faces,
-            self.refining,
-            self.worn_statistics,
-        )
+        labels = data.labels[data.rows(sequence)]
+        told = self._lay(sequence, made._replace(labels=labels))
+        self.measure_garment("ours_true_labels", sequence, told.final)
+        known = replace(self.final_step, correction=None)
+        told = self._lay(sequence, made._replace(first=data.canonical[sequence]), step=known)
+        self.measure_garment("ours_true_rest", sequence, told.final)
+
+    def _lay(
+        self,
+        sequence: int,
+        made: ReconstructedGarment,
+        *,
+        noisy: bool = False,
+        step: FinalStep | None = None,
+    ) -> LaidGarment:
+        """What our last step, or another one, makes of a reconstruction."""
+        rows = self.data.rows(sequence)
+        poses, body = self._body(sequence, noisy=noisy)
+        seen = Seen(self.data.points[rows], made.labels, poses, self.data.trans[rows], body)
+        return (step or self.final_step)(made.first, seen, self.refining)
 
     def measure_garment(
         self,
@@ -202,10 +214,14 @@ class SplitEvaluation:
         return body_frames(self.sequences.body(sequence), self.data.poses[self.data.rows(sequence)])
 
     def measure_still(self, sequence: int) -> None:
-        """M3 of a garment that never moves: what networks that smooth all motion away would get."""
+        """Errors in the motion of a garment that never moves, as if all were smoothed away."""
         true = self.data.garment[self.data.rows(sequence)]
-        error = metrics.acceleration_error_m_s2(np.zeros_like(true), true)
-        self.add("still", sequence, {"acceleration_error_m_s2": error})
+        still = np.zeros_like(true)
+        measures = {
+            "velocity_error_m_s": metrics.velocity_error_m_s(still, true),
+            "acceleration_error_m_s2": metrics.acceleration_error_m_s2(still, true),
+        }
+        self.add("still", sequence, measures)
 
     def reconstruction(self, sequence: int, made: ReconstructedGarment) -> Reconstruction:
         """A reconstruction with all that figures need."""
@@ -264,8 +280,8 @@ class SplitEvaluation:
             made = self._reconstruct(posed["posed"], sequence, noisy=True)
             self._measure_errors("noisy_body", sequence, made.final)
             self._measure_errors("lbs_noisy_body", sequence, made.proposal)
-            ours = self._refine(sequence, made, noisy=True)
-            self._measure_errors("ours_noisy_body", sequence, ours)
+            ours = self._lay(sequence, made, noisy=True)
+            self._measure_errors("ours_noisy_body", sequence, ours.final)
             if "mgn" in posed:
                 made = self._reconstruct(posed["mgn"], sequence, noisy=True)
                 self._measure_errors("mgn_noisy_body", sequence, made.final)
@@ -348,7 +364,7 @@ def evaluate(
     splits: Sequence[str],
     settings: EvaluationSettings,
     refining: RefineSettings,
-    worn_statistics: WornGarmentStatistics | None,
+    final_step: FinalStep,
     *,
     pictures: str | Path,
     vertex_sampled: BodySequences | None = None,
@@ -360,7 +376,7 @@ def evaluate(
     Args:
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        worn_statistics: of the training sequences, see `training_worn_statistics`.
+        final_step: our last step.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code; None to
@@ -369,7 +385,7 @@ def evaluate(
     data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = SplitEvaluation(sequences, split, settings, refining, worn_statistics)
+            evaluation = SplitEvaluation(sequences, split, settings, refining, final_step)
             evaluation.measure_canonicals(canonical)
             others = {}
             if split == "test":
@@ -386,7 +402,8 @@ def evaluate(
                 if split == "test":
                     shown = evaluation.reconstruction(sequence, made)
                     shown.save(scratch / f"{name}.npz")
-                    replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+                    evaluation.reconstruction(sequence, ours).save(scratch / f"{name}_ours.npz")
+                    evaluation.measure_oracles(sequence, made)
                 for variant, stage in others.items():
                     evaluation.measure_posed(variant, stage, sequence)
             if split == "test":
@@ -464,7 +481,7 @@ def evaluate_garment(job: Job) -> None:
             params.splits,
             EvaluationSettings(**params.settings),
             RefineSettings(**params.refine),
-            load_posed_files(posed["posed"]).worn_statistics,
+            load_posed_files(posed["posed"], stages["posed"]).final_step,
             pictures=scratch / RECONSTRUCTIONS,
             vertex_sampled=BodySequences(SequenceData(released), bodies) if released else None,
         )

@@ -130,7 +130,12 @@ class _Garment4dTasks:
                 changed = override_settings(
                     self._stage_settings(stage), self.variants.get(name, {})
                 )
-                told = {"mgn": name == "mgn", "settings": changed}
+                told = {
+                    "mgn": name == "mgn",
+                    "settings": changed,
+                    "refine": self.settings["refine"],
+                    "proposals": self.settings["proposals"],
+                }
                 found[f"{garment}/{name}"] = self._train(garment, stage, told, canonical=canonical)
         return found
 
@@ -153,6 +158,7 @@ class _Garment4dTasks:
             seconds=rate_s * training["epochs"] * self.files.moving_frames * frames * points,
             megabytes=min(batch_mb, 40_000),
             checks=[partial(self._require_sequences, garment, stage)],
+            modules=[] if kind == "canonical" else [self.files.hanging_solver],
             parallel=True,
             gpus=self.files.gpus("garment4d"),
         )
@@ -238,6 +244,7 @@ class _Garment4dTasks:
             seconds=400 * size,
             megabytes=1200 + 20 * size,
             checks=[partial(require_simulated, garment, wearers, EVALUATED_SPLITS)],
+            modules=[self.files.hanging_solver],
             parallel=True,
             gpus=min(self.files.gpus("garment4d"), 1),
         )
@@ -270,6 +277,7 @@ class _Garment4dTasks:
             {"split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
             megabytes=2500,
+            modules=[self.files.hanging_solver],
         )
 
     def figures(self) -> dict[str, Figure]:

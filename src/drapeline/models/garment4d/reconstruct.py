@@ -21,10 +21,17 @@ from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.sequence import BodyFrames
 from drapeline.models.garment4d.canonical import CanonicalOutput
-from drapeline.models.garment4d.data import ShapedBody, proposals, skinning_weights
+from drapeline.models.garment4d.data import (
+    BodySequences,
+    ShapedBody,
+    proposals,
+    skinning_weights,
+)
+from drapeline.models.garment4d.final_step import Guess, LaidGarment, Seen
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
@@ -35,10 +42,10 @@ from drapeline.models.garment4d.stages import (
 from drapeline.models.training.module import BEST, fastest_device
 from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.to_points import WornGarmentStatistics, fit_to_points
 from drapeline.rule_log import LOGGER
 
 _BATCH = 4  # windows at once
+_CHOSEN_ON = 8  # validation sequences that the final step's proposals are chosen on
 DEFAULT_REFINING = RefineSettings()
 _DEFAULT_STAGE = "posed"  # in the folder of a garment type
 # In simulated clouds of every type at least every sixth point is the garment's, while networks
@@ -54,6 +61,7 @@ class ReconstructedGarment(NamedTuple):
     proposal: np.ndarray  # (F, N, 3) interpolated skinning of it
     final: np.ndarray  # (F, N, 3) with the displacements
     seconds: float  # that all of it took
+    first: np.ndarray  # (N, 3) what the final step begins with
 
 
 class Estimate(NamedTuple):
@@ -66,6 +74,11 @@ class Estimate(NamedTuple):
     regressed: np.ndarray | None
     outputs: list[CanonicalOutput]  # of the batches of windows, in order
     seconds: float  # that all of it took
+
+    @property
+    def first(self) -> np.ndarray:
+        """(N, 3) what the final step begins with: the regression's garment where there is one."""
+        return self.canonical if self.regressed is None else self.regressed
 
 
 @torch.inference_mode()
@@ -172,7 +185,9 @@ def reconstruct(
         final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
     assert estimated.labels is not None  # a posed stage has a canonical network that segments
-    return ReconstructedGarment(estimated.labels, canonical, proposal, final, seconds)
+    return ReconstructedGarment(
+        estimated.labels, canonical, proposal, final, seconds, estimated.first
+    )
 
 
 def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
@@ -244,40 +259,28 @@ def _mean_labels(outputs: Sequence, windows: _SequenceWindows) -> np.ndarray | N
     return mean().argmax(axis=-1).astype(np.uint8)
 
 
-def refine(
-    made: ReconstructedGarment,
-    points: np.ndarray,
-    poses: np.ndarray,
-    body: ShapedBody,
-    label: int,
-    faces: np.ndarray,
-    settings: RefineSettings,
-    worn_statistics: WornGarmentStatistics | None = None,
-) -> np.ndarray:
-    """Our variant: a reconstruction fitted to the points that the network labels as the garment.
+def guess_all(stage: CanonicalStage, sequences: BodySequences) -> Iterator[Guess]:
+    """First guesses that the final step is fitted to: none for training without a regression."""
+    data = sequences.data
+    known = stage.out_of_fold_alpha
+    chosen = [s for s in data.of_split("train") if str(data.name[s]) in known]
+    for sequence in [*chosen, *_spread(data.of_split("val", (SIMULATED,)))]:
+        rows = data.rows(sequence)
+        found = estimate(stage, data.points[rows], data.poses[rows], sequences.body(sequence))
+        assert found.labels is not None  # PN++ is no part of a posed stage
+        alpha = known.get(str(data.name[sequence]))
+        first = found.first
+        yield Guess(
+            int(sequence),
+            data.space.coefficients(first) if alpha is None else alpha.numpy(),
+            found.labels,
+        )
 
-    Args:
-        made: of both stages.
-        points, poses, body: that it was made from.
-        label: the garment's code in `LABELS`.
-        faces: (E, 3) of the template.
-        worn_statistics: of the type's training sequences, see `training_worn_statistics`.
 
-    Returns:
-        (F, N, 3) metres, root frame.
-    """
-    chosen = made.labels == label
-    return fit_to_points(
-        made.final,
-        points,
-        chosen,
-        faces,
-        made.canonical,
-        *body.pose_surface(poses),
-        settings,
-        proposal=made.proposal,
-        worn_statistics=worn_statistics,
-    )
+def _spread(sequences: np.ndarray) -> np.ndarray:
+    """At most `_CHOSEN_ON` of some sequences."""
+    rows = np.linspace(0, len(sequences) - 1, min(len(sequences), _CHOSEN_ON))
+    return sequences[rows.round().astype(int)]
 
 
 def body_frames(body: ShapedBody, poses: np.ndarray) -> BodyFrames:
@@ -353,7 +356,7 @@ class ReconstructionSteps(NamedTuple):
     points: np.ndarray  # (F, P, 3) that the networks were given
     body: ShapedBody  # whose garment it is
     made: ReconstructedGarment  # by the networks
-    final: np.ndarray  # (F, N, 3) of our last step
+    laid: LaidGarment  # by our last step, or by the networks if it is left out
 
 
 class ReconstructionModel:
@@ -368,7 +371,7 @@ class ReconstructionModel:
         stage: trained networks.
         bodies: of both genders.
         points: of a cloud that the networks were trained on.
-        worn_statistics: of the training sequences; None where there were none.
+        final_step: our last step.
 
     Raises:
         InputError: a file is missing or damaged, or holds a network of another stage.
@@ -378,7 +381,8 @@ class ReconstructionModel:
         self.folder = stage_folder(folder)
         stage = load_stage(self.folder, PosedStage)
         self.stage: PosedStage = stage.to(device or fastest_device())
-        self.bodies, self.points, self.worn_statistics = load_posed_files(self.folder)
+        files = load_posed_files(self.folder, stage)
+        self.bodies, self.points, self.final_step = files
         self.garment = LABELS[stage.label]
 
     def reconstruct(
@@ -404,8 +408,8 @@ class ReconstructionModel:
             gender: "female" or "male".
             trans: (F, 3) position of the root joint in the frame of the clouds, metres; the origin
                 if None.
-            refining: weights of our last step, which fits the networks' garment to the points; None
-                leaves it out.
+            refining: weights of our last step, which lays the garment on the points; None leaves it
+                out.
             least_share: of the points that have to be taken for the garment; with fewer, the
                 networks would return little more than the mean garment.
 
@@ -428,9 +432,9 @@ class ReconstructionModel:
         root = scans.body.trans.astype(np.float32)[:, None]
         return ReconstructedMotion(
             self.garment,
-            steps.final + root,
+            steps.laid.final + root,
             self.stage.space.faces,
-            steps.made.canonical,
+            steps.laid.canonical,
             steps.points + root,
             steps.made.labels,
         )
@@ -459,19 +463,11 @@ class ReconstructionModel:
         body = self.bodies.of(motion.gender, motion.shape)
         made = reconstruct(stage, clouds, motion.poses, body)
         check_labels(name, made.labels == stage.label, self.garment, least_share)
-        final = made.final
+        laid = LaidGarment(made.canonical, made.proposal, made.final)
         if refining is not None:
-            final = refine(
-                made,
-                clouds,
-                motion.poses,
-                body,
-                stage.label,
-                stage.space.faces,
-                refining,
-                self.worn_statistics,
-            )
-        return ReconstructionSteps(clouds, body, made, final)
+            seen = Seen(clouds, made.labels, motion.poses, motion.trans, body)
+            laid = self.final_step(made.first, seen, refining)
+        return ReconstructionSteps(clouds, body, made, laid)
 
 
 def stage_folder(folder: str | Path) -> Path:

@@ -27,6 +27,7 @@ from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.compare import fit_scans
 from drapeline.models.garment4d.data import ShapedBody
+from drapeline.models.garment4d.final_step import Seen
 from drapeline.models.garment4d.reconstruct import (
     DEFAULT_REFINING,
     ReconstructedGarment,
@@ -34,7 +35,6 @@ from drapeline.models.garment4d.reconstruct import (
     body_frames,
     build_reconstruction,
     reconstruct,
-    refine,
 )
 from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
@@ -125,18 +125,14 @@ class Garment4dScanFitter:
         made = reconstruct(model.stage, clouds, poses, wearer, labels=scan.labels[chosen])._replace(
             labels=scan.labels[chosen]
         )
-        final = refine(
-            made,
-            clouds,
-            poses,
-            wearer,
-            LABELS.index(model.garment),
-            model.stage.space.faces,
-            DEFAULT_REFINING,
-            model.worn_statistics,
-        )
+        trans = np.tile(body.trans, (frames, 1))
+        seen = Seen(clouds, made.labels, poses, trans, wearer)
+        laid = model.final_step(made.first, seen, DEFAULT_REFINING)
         middle = frames // 2
-        return tuple((part[middle] + body.trans).astype(np.float32) for part in (made.final, final))
+        networks, ours = (
+            (part[middle] + body.trans).astype(np.float32) for part in (made.final, laid.final)
+        )
+        return networks, ours
 
 
 def fit_template(
@@ -245,11 +241,14 @@ def reconstruct_scans(
     Raises:
         InputError: see `ReconstructionModel.reconstruct_steps`.
     """
-    clouds, body, made, final = model.reconstruct_steps(scans, refining, name=name, seed=seed)
-    some = np.arange(0, len(final), -(-len(final) // _SHOWN))
+    clouds, body, made, laid = model.reconstruct_steps(scans, refining, name=name, seed=seed)
+    some = np.arange(0, len(laid.final), -(-len(laid.final) // _SHOWN))
     shown = build_reconstruction(
-        ReconstructedGarment(
-            made.labels[some], made.canonical, made.proposal[some], final[some], 0.0
+        made._replace(
+            labels=made.labels[some],
+            canonical=laid.canonical,
+            proposal=laid.proposal[some],
+            final=laid.final[some],
         ),
         name=name,
         garment=model.garment,
@@ -259,8 +258,8 @@ def reconstruct_scans(
         body=body,
         number=some,
     )
-    rows = _measure(scans, body, model.garment, made, final, seed)
-    return ScannedGarment(made.canonical, final, rows, shown)
+    rows = _measure(scans, body, model.garment, made, laid.final, seed)
+    return ScannedGarment(laid.canonical, laid.final, rows, shown)
 
 
 def _measure(

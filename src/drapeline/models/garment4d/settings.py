@@ -477,6 +477,14 @@ class Garment4dSettings(Settings):
     refine: RefineSettings = Field(
         RefineSettings(), description="Our last step after the posed network."
     )
+    proposals: Literal["skinned", "simulated", "best"] = Field(
+        "best",
+        description=(
+            "How garments move before our last step lays them on the points: with the body by "
+            "skinning, by the fast cloth solver, or by what is closer on validation sequences. "
+            "A change retrains the posed stage."
+        ),
+    )
     evaluation: EvaluationSettings = EvaluationSettings()
     reconstruct: Reconstruct = Reconstruct()
 

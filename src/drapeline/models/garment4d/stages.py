@@ -28,8 +28,8 @@ from drapeline.models.garment4d.data import (
     BodySet,
     DressedSequences,
     Windows,
-    training_worn_statistics,
 )
+from drapeline.models.garment4d.final_step import FINAL_STEP_FORMS, FinalStep, load_final_step
 from drapeline.models.garment4d.losses import (
     CotangentLaplacian,
     UniformLaplacian,
@@ -42,7 +42,6 @@ from drapeline.models.garment4d.settings import (
     CanonicalStageSettings,
     MgnStageSettings,
     PosedStageSettings,
-    SkinningSettings,
     StageSettings,
 )
 from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory
@@ -57,7 +56,6 @@ from drapeline.models.training.checkpoints import (
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
 from drapeline.outfits.garment_types import LABELS
-from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
@@ -211,12 +209,11 @@ class CanonicalStage(Stage):
                 " the body"
             )
             return
-        components = self.space.components.reshape(len(self.space.components), -1)
         predictions, error = network.regression.fit(
             torch.cat(maps).numpy(),
             torch.cat(coefficients).numpy(),
             names,
-            components @ components.T / len(self.space.mean),
+            self.space.metric(),
         )
         LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
         of_sequence = np.where(complete, names, "")
@@ -489,45 +486,39 @@ def _build(metadata: Mapping[str, Any]) -> Stage:
 
 
 class PosedFiles(NamedTuple):
-    """Bodies, sizes and statistics that reconstruction needs besides the networks."""
+    """What reconstruction needs besides the networks."""
 
     bodies: BodySet  # of both genders
     points: int  # P, number per cloud that the networks were trained on
-    # Of the simulated training sequences; None where there were none.
-    worn_statistics: WornGarmentStatistics | None
+    final_step: FinalStep
 
 
-def save_posed_files(folder: Path, sequences: BodySequences, skinning: SkinningSettings) -> None:
-    """Complete the folder of a training on sequences and their skinned proposals."""
+def save_posed_files(folder: Path, sequences: BodySequences, final_step: FinalStep) -> None:
+    """Complete the folder of a training on sequences."""
     bodies = sequences.bodies
     for gender, body in bodies.models.items():
         save_body(folder / _BODIES / f"{gender}.npz", body)
-    worn = training_worn_statistics(sequences, skinning)
     save_npz(
         folder / _SIZES,
         body_points=bodies.count,
         points=sequences.data.points.shape[1],
-        **({} if worn is None else worn._asdict()),
+        **final_step.arrays(),
     )
 
 
-def load_posed_files(folder: str | Path) -> PosedFiles:
-    """Read what `save_posed_files` wrote.
+def load_posed_files(folder: str | Path, stage: PosedStage) -> PosedFiles:
+    """Read what `save_posed_files` wrote beside a trained stage.
 
     Raises:
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    names = WornGarmentStatistics._fields
-    found = load_npz(
-        folder / _SIZES,
-        {"body_points": "int", "points": "int", **{f"{name}?": "float *" for name in names}},
-    )
+    found = load_npz(folder / _SIZES, {"body_points": "int", "points": "int", **FINAL_STEP_FORMS})
     for name in ("body_points", "points"):
         if found[name] < 1:
             raise InputError(
                 f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
             )
     bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
-    worn = WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
-    return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), worn)
+    final_step = load_final_step(found, stage.space, stage.label, stage.settings.skinning)
+    return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), final_step)

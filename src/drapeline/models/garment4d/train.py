@@ -10,6 +10,8 @@ from drapeline.bodies.model import load_bodies
 from drapeline.job import Job
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.data import BodySequences, BodySet, Windows
+from drapeline.models.garment4d.final_step import fit_final_step
+from drapeline.models.garment4d.reconstruct import guess_all
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     MgnStage,
@@ -23,6 +25,7 @@ from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.training.module import fastest_device
+from drapeline.registration.settings import RefineSettings
 
 
 def train_stage(
@@ -78,8 +81,16 @@ def train_posed(job: Job) -> None:
     settings: Any = stage.SETTINGS(**params.settings)
 
     def complete(folder: Path) -> None:
-        if not params.mgn:  # a baseline to compare with, not to be used
-            save_posed_files(folder, sequences, settings.skinning)
+        if params.mgn:  # a baseline to compare with, not to be used
+            return
+        final_step = fit_final_step(
+            sequences,
+            settings.skinning,
+            guess_all(canonical, sequences),
+            RefineSettings(**params.refine),
+            params.proposals,
+        )
+        save_posed_files(folder, sequences, final_step)
 
     train_stage(stage(settings, canonical), sequences, TrainingRun.of(job), complete)
 

@@ -41,6 +41,11 @@ class GarmentSpace:
         moved = flat.reshape(*flat.shape[:-1], -1, 3)
         return (self.mean + moved).astype(np.float32)
 
+    def metric(self) -> np.ndarray:
+        """(D, D) M, so that e @ M @ e is the mean squared error in m^2 of alpha that is e off."""
+        rows = self.components.reshape(len(self.components), -1)
+        return rows @ rows.T / len(self.mean)
+
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
         save_record(path, self)

@@ -12,7 +12,6 @@ from drapeline.errors import InputError
 from drapeline.metrics.predictions import load_reconstruction
 from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.data import training_worn_statistics
 from drapeline.models.garment4d.evaluate import (
     BY_VERTEX,
     ONE,
@@ -20,6 +19,7 @@ from drapeline.models.garment4d.evaluate import (
     SplitEvaluation,
     evaluate,
 )
+from drapeline.models.garment4d.final_step import fit_final_step
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
 from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.registration.settings import RefineSettings
@@ -43,7 +43,7 @@ def rows(sequences, canonical, identity, tmp_path):
         ("val", "test"),
         settings,
         RefineSettings(rounds=4),
-        training_worn_statistics(sequences, identity.settings.skinning),
+        fit_final_step(sequences, identity.settings.skinning, [], RefineSettings(), "skinned"),
         pictures=tmp_path / "pictures",
         vertex_sampled=sequences,
     )

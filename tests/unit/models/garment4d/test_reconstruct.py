@@ -12,12 +12,12 @@ from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.models.garment4d.data import propose_garment
+from drapeline.models.garment4d.final_step import Seen, fit_final_step
 from drapeline.models.garment4d.reconstruct import (
     ReconstructionModel,
     check_labels,
     estimate,
     reconstruct,
-    refine,
 )
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.stages import (
@@ -177,31 +177,6 @@ def test_a_stride_longer_than_a_window_is_refused(identity, given):
         reconstruct(identity, **given, stride=4)
 
 
-def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, given):
-    sequence = int(data.of_split("test")[0])
-    true = data.garment[data.rows(sequence)]
-    made = reconstruct(identity, **given)
-    # The true canonical garment and the true labels, so that only the sway is left to find.
-    proposal = propose_garment(
-        given["body"],
-        given["poses"],
-        data.canonical[sequence],
-        data.space.faces,
-        identity.settings.skinning,
-    )
-    made = made._replace(
-        labels=data.labels[data.rows(sequence)],
-        canonical=data.canonical[sequence],
-        proposal=proposal,
-        final=proposal,
-    )
-    # Thirty body points tell nothing of where the body ends: no gap is asked for.
-    settings = RefineSettings(gap_m=-1.0)
-    found = refine(made, **given, label=data.label, faces=data.space.faces, settings=settings)
-    before, after = (np.linalg.norm(x - true, axis=-1).mean() for x in (proposal, found))
-    assert after < 0.85 * before
-
-
 def taken(*shares):
     """(F, 1000) of which these shares are taken for the garment."""
     return np.arange(1000) < 1000 * np.array(shares)[:, None]
@@ -228,7 +203,8 @@ def model(trained_posed, sequences, tmp_path):
     folder = tmp_path / GARMENT
     shutil.copytree(trained_posed, folder / "posed")
     skinning = load_stage(trained_posed, PosedStage).settings.skinning
-    save_posed_files(folder / "posed", sequences, skinning)
+    step = fit_final_step(sequences, skinning, [], RefineSettings(), "skinned")
+    save_posed_files(folder / "posed", sequences, step)
     return ReconstructionModel(folder, "cpu")
 
 
@@ -240,18 +216,11 @@ def worn(toy_skirts):
 def test_a_garment_is_what_the_networks_and_our_step_make_of_the_clouds(model, worn, given):
     made = model.reconstruct(given["points"], worn.poses, worn.shape)
     steps = reconstruct(model.stage, made.points, worn.poses, given["body"])
-    files = load_posed_files(model.folder)
-    wanted = refine(
-        steps,
-        made.points,
-        worn.poses,
-        given["body"],
-        model.stage.label,
-        made.faces,
-        RefineSettings(),
-        files.worn_statistics,
+    seen = Seen(made.points, steps.labels, worn.poses, worn.trans, given["body"])
+    wanted = load_posed_files(model.folder, model.stage).final_step(
+        steps.first, seen, RefineSettings()
     )
-    np.testing.assert_allclose(made.vertices, wanted, atol=1e-5)
+    np.testing.assert_allclose(made.vertices, wanted.final, atol=1e-5)
     np.testing.assert_array_equal(made.canonical, steps.canonical)
     assert made.garment == GARMENT
     assert made.labels.shape == made.points.shape[:2] == given["points"].shape[:2]

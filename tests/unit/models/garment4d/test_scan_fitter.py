@@ -10,6 +10,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
+from drapeline.models.garment4d.final_step import fit_final_step
 from drapeline.models.garment4d.reconstruct import ReconstructionModel
 from drapeline.models.garment4d.scans import (
     MOVED,
@@ -22,6 +23,7 @@ from drapeline.models.garment4d.scans import (
 )
 from drapeline.models.garment4d.stages import PosedStage, load_stage, save_posed_files
 from drapeline.outfits.garment_types import LABELS
+from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_template.garment_space import fit_space
 from toys.garment4d import GARMENT, skirt_faces
 from toys.tiny_sample import tube
@@ -94,9 +96,9 @@ def test_the_networks_and_the_final_step_give_posed_garments(
 ):
     folder = tmp_path / GARMENT
     shutil.copytree(trained_posed, folder / "posed")
-    save_posed_files(
-        folder / "posed", sequences, load_stage(trained_posed, PosedStage).settings.skinning
-    )
+    skinning = load_stage(trained_posed, PosedStage).settings.skinning
+    step = fit_final_step(sequences, skinning, [], RefineSettings(), "skinned")
+    save_posed_files(folder / "posed", sequences, step)
     model = ReconstructionModel(folder, "cpu")
     fitter = Garment4dScanFitter({GARMENT: model}, FitTemplate(points=200, steps=2), 0)
     shown = scan(toy_body, ("Skirt", "Top"), Skirt=on_faces(skirt(0.25, -0.5), 400))

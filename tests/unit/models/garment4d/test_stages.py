@@ -9,7 +9,8 @@ import torch
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import DamagedFile, InputError
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.data import DressedSequences, training_worn_statistics
+from drapeline.models.garment4d.data import DressedSequences
+from drapeline.models.garment4d.final_step import fit_final_step, training_worn_statistics
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.settings import CanonicalWeights, SkinningSettings, StageSettings
 from drapeline.models.garment4d.stages import (
@@ -29,6 +30,7 @@ from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import ByteCache, as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
+from drapeline.registration.settings import RefineSettings
 from drapeline.settings import Settings
 from drapeline.storage import save_npz
 from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data
@@ -501,31 +503,37 @@ def test_a_template_whose_faces_name_vertices_that_are_not_there_is_refused(
         load_stage(tmp_path, CanonicalStage)
 
 
-def test_bodies_sizes_and_statistics_come_back(sequences, tmp_path):
-    save_posed_files(tmp_path, sequences, SKINNING)
-    bodies, points, worn = load_posed_files(tmp_path)
+def final_step(sequences):
+    return fit_final_step(sequences, SKINNING, [], RefineSettings(), "skinned")
+
+
+def test_bodies_sizes_and_statistics_come_back(sequences, identity, tmp_path):
+    save_posed_files(tmp_path, sequences, final_step(sequences))
+    bodies, points, step = load_posed_files(tmp_path, identity)
     assert points == sequences.data.points.shape[1]
     for name, array in sequences.bodies.arrays().items():
         np.testing.assert_array_equal(bodies.arrays()[name], array)
     wanted = training_worn_statistics(sequences, SKINNING)
-    for part, again in zip(wanted, worn, strict=True):
+    for part, again in zip(wanted, step.statistics, strict=True):
         np.testing.assert_array_equal(part, again)
 
 
-def test_without_simulated_training_sequences_there_are_no_statistics(sequences, tmp_path):
+def test_without_simulated_training_sequences_there_are_no_statistics(
+    sequences, identity, tmp_path
+):
     sequences.data.source = np.full_like(sequences.data.source, "skinned")
-    save_posed_files(tmp_path, sequences, SKINNING)
-    assert load_posed_files(tmp_path).worn_statistics is None
+    save_posed_files(tmp_path, sequences, final_step(sequences))
+    assert load_posed_files(tmp_path, identity).final_step.statistics is None
 
 
-def test_a_missing_body_is_named(sequences, tmp_path):
-    save_posed_files(tmp_path, sequences, SKINNING)
+def test_a_missing_body_is_named(sequences, identity, tmp_path):
+    save_posed_files(tmp_path, sequences, final_step(sequences))
     (tmp_path / "bodies" / f"{GENDERS[1]}.npz").unlink()
     with pytest.raises(InputError, match=r"male\.npz: no such file"):
-        load_posed_files(tmp_path)
+        load_posed_files(tmp_path, identity)
 
 
-def test_numbers_of_points_are_above_zero(tmp_path):
-    save_npz(tmp_path / "reconstruction.npz", body_points=-1, points=5)
+def test_numbers_of_points_are_above_zero(identity, tmp_path):
+    save_npz(tmp_path / "reconstruction.npz", body_points=-1, points=5, simulated=False)
     with pytest.raises(InputError, match=r"reconstruction\.npz: 'body_points' is -1, expected at"):
-        load_posed_files(tmp_path)
+        load_posed_files(tmp_path, identity)

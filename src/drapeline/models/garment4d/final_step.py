@@ -1,0 +1,386 @@
+"""Our last step: the garment at rest corrected by its points, and laid on them in every frame.
+
+It takes a first guess of the garment at rest and the labels of the points; the posed network has no
+part in it. The guess, skinned, is moved to the points of some frames. Where it had to stretch for
+that, it was too short: a regression from such lengths and offsets, fitted in closed form to
+training sequences, corrects it. The corrected garment, skinned or simulated, is then moved to the
+points of all frames.
+
+F frames, P points, N vertices of the template, K of its springs, D components.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.bodies.sequence import untouched_sequence
+from drapeline.experiment.cloth_solvers import QUICK_SOLVER
+from drapeline.generation.moving_sheets import WORN, simulate_sheet
+from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.sequences import SIMULATED
+from drapeline.metrics.sequence import vertex_error_mm
+from drapeline.models.garment4d.canonical import MapRegression
+from drapeline.models.garment4d.data import (
+    BodySequences,
+    ShapedBody,
+    proposals,
+    propose_garment,
+    skinning_weights,
+)
+from drapeline.models.garment4d.settings import SkinningSettings
+from drapeline.outfits.garment_types import BODY, LABELS
+from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_points import (
+    WornGarmentStatistics,
+    fit_to_points,
+    spring_lengths,
+    springs,
+)
+from drapeline.registration.to_template.garment_space import GarmentSpace
+from drapeline.rule_log import LOGGER, progress
+from drapeline.simulation.settings import SimulationSettings
+
+_SMALL_M = 1e-4
+_TINY_M = 1e-9
+_MOST_FRAMES = 20  # of a sequence, evenly spread, that a correction is made from
+# How far simulated garments are off, and the share of their accelerations that is right.
+_SIMULATED_ERROR_M, _SIMULATED_FOLLOW = 0.04, 1.0
+_SIMULATION = SimulationSettings(attempts=1, floor=False)
+
+
+class Seen(NamedTuple):
+    """A sequence as the final step is given it; metres, root frame."""
+
+    points: np.ndarray  # (F, P, 3)
+    labels: np.ndarray  # (F, P) codes of `LABELS`, what each point is taken for
+    poses: np.ndarray  # (F, 72) rad, 30 per second
+    trans: np.ndarray  # (F, 3) of the root joint in the world
+    body: ShapedBody
+
+    def frames(self, chosen: np.ndarray) -> "Seen":
+        """Some frames of it."""
+        return Seen(
+            self.points[chosen],
+            self.labels[chosen],
+            self.poses[chosen],
+            self.trans[chosen],
+            self.body,
+        )
+
+
+class LaidGarment(NamedTuple):
+    """A garment on its points; metres, root frame."""
+
+    canonical: np.ndarray  # (N, 3) corrected
+    proposal: np.ndarray  # (F, N, 3) skinned or simulated
+    final: np.ndarray  # (F, N, 3)
+
+
+@dataclass(frozen=True)
+class FinalStep:
+    """The step for a garment type."""
+
+    space: GarmentSpace
+    label: int  # of the type, in `LABELS`
+    skinning: SkinningSettings
+    # Of simulated training sequences; None where there were none.
+    statistics: WornGarmentStatistics | None = None
+    # From `_evidence` to changes of alpha; None where no first guess is of garments left out.
+    correction: MapRegression | None = None
+    simulated: bool = False  # whether proposals are simulated rather than skinned
+
+    def __call__(self, first: np.ndarray, seen: Seen, settings: RefineSettings) -> LaidGarment:
+        """The garment in all frames, from a first guess (N, 3) of it at rest."""
+        canonical = self.correct(first, seen)
+        proposal, statistics = self.propose(canonical, seen)
+        final = self._fit(proposal, canonical, seen, settings, statistics)
+        return LaidGarment(canonical, proposal, final)
+
+    def correct(self, first: np.ndarray, seen: Seen) -> np.ndarray:
+        """(N, 3) float32 garment at rest, from a first guess (N, 3)."""
+        if self.correction is None:
+            return first
+        evidence = torch.from_numpy(self.evidence(first, seen))[None]
+        change = self.correction(evidence)[0].numpy()
+        return first + self.space.vertices(change) - self.space.mean
+
+    def propose(
+        self, canonical: np.ndarray, seen: Seen
+    ) -> tuple[np.ndarray, WornGarmentStatistics | None]:
+        """Garments (F, N, 3) before they are moved to points, and what is known of their errors."""
+        if self.simulated:
+            found = simulate_proposals(canonical, self.space.faces, LABELS[self.label], seen)
+            if found is not None:
+                shares = np.ones(1) if self.statistics is None else self.statistics.shares
+                count = len(canonical)
+                return found, WornGarmentStatistics(
+                    shares, np.full(count, _SIMULATED_ERROR_M), np.full(count, _SIMULATED_FOLLOW)
+                )
+        return self._skin(canonical, seen)[0], self.statistics
+
+    def evidence(self, canonical: np.ndarray, seen: Seen) -> np.ndarray:
+        """What points say of a guess (N, 3) at rest: (1, K + 3 N) float32.
+
+        The guess is skinned and moved to the points of some frames, each by itself. Evidence are
+        the mean logarithms by which springs became longer, and the median offsets that vertices
+        have when they are carried back to rest, in mean lengths of a spring.
+        """
+        count = len(seen.poses)
+        chosen = np.unique(np.linspace(0, count - 1, min(count, _MOST_FRAMES)).round().astype(int))
+        part = seen.frames(chosen)
+        proposal, weights, motions = self._skin(canonical, part)
+        still = RefineSettings(smooth=0)
+        garment = self._fit(proposal, canonical, part, still, None)
+        pairs = springs(self.space.faces)[0]
+        rest, moved = (
+            np.maximum(spring_lengths(each, pairs), _SMALL_M) for each in (canonical, garment)
+        )
+        blended = np.einsum("nj,fjab->fnab", weights, motions)
+        away = (garment - blended[..., :3, 3])[..., None]
+        back = np.linalg.solve(blended[..., :3, :3], away)[..., 0]
+        offset = (np.median(back, axis=0) - canonical) / rest.mean()
+        found = np.concatenate([np.log(moved / rest).mean(axis=0), offset.ravel()])
+        return found[None].astype(np.float32)
+
+    def _skin(self, canonical: np.ndarray, seen: Seen) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Proposals (F, N, 3), weights (N, 24) and joints' motions (F, 24, 4, 4)."""
+        weights = skinning_weights(seen.body, canonical, self.space.faces, self.skinning)
+        motions = seen.body.transforms(seen.poses)
+        return proposals(canonical[None], weights[None], motions[None])[0], weights, motions
+
+    def _fit(
+        self,
+        proposal: np.ndarray,
+        canonical: np.ndarray,
+        seen: Seen,
+        settings: RefineSettings,
+        statistics: WornGarmentStatistics | None,
+    ) -> np.ndarray:
+        return fit_to_points(
+            proposal,
+            seen.points,
+            seen.labels == self.label,
+            self.space.faces,
+            canonical,
+            *seen.body.pose_surface(seen.poses),
+            settings,
+            worn_statistics=statistics,
+            bare=seen.labels == LABELS.index(BODY),
+        )
+
+    def arrays(self) -> dict[str, Any]:
+        """What training found, for `load_final_step`."""
+        found: dict[str, Any] = {"simulated": self.simulated}
+        if self.statistics is not None:
+            found |= self.statistics._asdict()
+        if self.correction is not None:
+            state = self.correction.state_dict()
+            found |= {f"{_CORRECTION}{name}": value.numpy() for name, value in state.items()}
+        return found
+
+
+_CORRECTION = "correction_"
+# Forms of `FinalStep.arrays` in a file; `e` is the number of values of evidence.
+FINAL_STEP_FORMS = {
+    "simulated": "bool",
+    **{f"{name}?": "float *" for name in WornGarmentStatistics._fields},
+    **{f"{_CORRECTION}{name}?": "float 1 e" for name in ("mean", "scale", "low", "high")},
+    f"{_CORRECTION}weight?": "float e d",
+    f"{_CORRECTION}bias?": "float d",
+}
+
+
+def load_final_step(
+    found: Mapping[str, np.ndarray], space: GarmentSpace, label: int, skinning: SkinningSettings
+) -> FinalStep:
+    """The step of `FinalStep.arrays`."""
+    names = WornGarmentStatistics._fields
+    statistics = (
+        WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
+    )
+    state = {
+        name.removeprefix(_CORRECTION): torch.from_numpy(value)
+        for name, value in found.items()
+        if name.startswith(_CORRECTION)
+    }
+    correction = None
+    if state:
+        correction = MapRegression(1, *state["weight"].shape)
+        correction.load_state_dict(state)
+    return FinalStep(space, label, skinning, statistics, correction, bool(found["simulated"]))
+
+
+def simulate_proposals(
+    canonical: np.ndarray, faces: np.ndarray, garment: str, seen: Seen
+) -> np.ndarray | None:
+    """(F, N, 3) float32 a garment (N, 3) at rest, by the fast solver, of cotton.
+
+    None, and a warning in the log, if its cloth has come undone.
+    """
+    body = seen.body
+    record = untouched_sequence(body.shape, body.gender, seen.poses, seen.trans)
+    frames = simulate_sheet(
+        Mesh(canonical, faces),
+        garment,
+        body.model,
+        record,
+        import_module(QUICK_SOLVER.code).cloth_solver(1),
+        edge_length_m=None,
+        simulation=_SIMULATION,
+        bounds=WORN,
+    )
+    return np.stack([frame.vertices for frame in frames]) if frames else None
+
+
+class Guess(NamedTuple):
+    """A first guess for a training or validation sequence."""
+
+    sequence: int
+    alpha: np.ndarray  # (D,) of the garment at rest, by a fit without the sequence
+    labels: np.ndarray  # (F, P) of its points, as a network gives them
+
+
+def fit_final_step(
+    sequences: BodySequences,
+    skinning: SkinningSettings,
+    guesses: Iterable[Guess],
+    settings: RefineSettings,
+    proposals: str,
+) -> FinalStep:
+    """Fit the step to training sequences, and choose its proposals on validation sequences.
+
+    Args:
+        sequences: of the type.
+        guesses: of training sequences of all kinds, and of simulated validation sequences. Without
+            any for training, first guesses are not corrected.
+        settings: of the last fit.
+        proposals: "skinned", "simulated" or "best", which is the one with the smaller M2.
+    """
+    data = sequences.data
+    statistics = training_worn_statistics(sequences, skinning)
+    step = FinalStep(data.space, data.label, skinning, statistics)
+    by_split: dict[str, list[Guess]] = {"train": [], "val": []}
+    for guess in guesses:
+        by_split[str(data.split[guess.sequence])].append(guess)
+    step = replace(step, correction=_fit_correction(step, sequences, by_split["train"]))
+    simulated = proposals == "simulated"
+    if proposals == "best" and by_split["val"]:
+        errors = {
+            how: _error_mm(replace(step, simulated=how), sequences, by_split["val"], settings)
+            for how in (False, True)
+        }
+        LOGGER.info("skinned proposals: %.1f mm, simulated ones: %.1f mm", *errors.values())
+        simulated = errors[True] < errors[False]
+    return replace(step, simulated=simulated)
+
+
+def seen_sequence(sequences: BodySequences, sequence: int, labels: np.ndarray) -> Seen:
+    """A sequence of the data with labels (F, P)."""
+    data, body = sequences.data, sequences.body(sequence)
+    rows = data.rows(sequence)
+    return Seen(data.points[rows], labels, data.poses[rows], data.trans[rows], body)
+
+
+def _fit_correction(
+    step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess]
+) -> MapRegression | None:
+    data, space = sequences.data, sequences.data.space
+    if len(guesses) < 2:
+        return None
+    evidence = np.stack(
+        [
+            step.evidence(
+                space.vertices(guess.alpha), seen_sequence(sequences, guess.sequence, guess.labels)
+            )
+            for guess in progress(guesses, label="corrections")
+        ]
+    )
+    off = np.stack([data.coefficients[one.sequence] - one.alpha for one in guesses])
+    regression = MapRegression(1, evidence.shape[-1], len(space.components))
+    metric = space.metric()
+    _, error = regression.fit(evidence, off, [str(one.sequence) for one in guesses], metric)
+    before = float(np.sqrt(((off @ metric) * off).sum(axis=1).mean()))
+    LOGGER.info("garments at rest: off by %.1f mm, corrected %.1f mm", 1e3 * before, 1e3 * error)
+    return regression
+
+
+def _error_mm(
+    step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess], settings: RefineSettings
+) -> float:
+    """M2 over the sequences of guesses."""
+    data = sequences.data
+    errors = []
+    for guess in progress(guesses, label="proposals"):
+        seen = seen_sequence(sequences, guess.sequence, guess.labels)
+        laid = step(data.space.vertices(guess.alpha), seen, settings)
+        errors.append(vertex_error_mm(laid.final, data.garment[data.rows(guess.sequence)]))
+    return float(np.mean(errors))
+
+
+def training_worn_statistics(
+    sequences: BodySequences, skinning: SkinningSettings
+) -> WornGarmentStatistics | None:
+    """Statistics of a type's simulated training sequences against proposals; None without any.
+
+    Static outfits in motion follow their skinning, so they would tell nothing of cloth.
+    """
+    data = sequences.data
+    chosen = data.of_split("train", (SIMULATED,))
+    if not len(chosen):
+        return None
+    return measure_worn_garments(
+        (data.garment[data.rows(sequence)] for sequence in chosen),
+        (
+            propose_garment(
+                sequences.body(sequence),
+                data.poses[data.rows(sequence)],
+                data.canonical[sequence],
+                data.space.faces,
+                skinning,
+            )
+            for sequence in chosen
+        ),
+        (data.canonical[sequence] for sequence in chosen),
+        data.space.faces,
+    )
+
+
+def measure_worn_garments(
+    garments: Iterable[np.ndarray],
+    proposals: Iterable[np.ndarray],
+    canonicals: Iterable[np.ndarray],
+    faces: np.ndarray,
+) -> WornGarmentStatistics:
+    """Means over training sequences and one more that has the mean at all vertices and springs.
+
+    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
+    the body while others hang.
+
+    Args:
+        garments: (F, N, 3) worn garments of each sequence, simulated, metres.
+        proposals: (F, N, 3) the same garments by skinning alone.
+        canonicals: (N, 3) of the same sequences.
+        faces: (E, 3).
+    """
+    pairs = springs(faces)[0]
+    share, squared, products, squares = [], [], 0.0, 0.0
+    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
+        worn = spring_lengths(garment, pairs).mean(axis=0)
+        share.append(worn / np.maximum(spring_lengths(rest, pairs), _TINY_M))
+        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
+        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
+        products, squares = products + (made * true).sum((0, 2)), squares + (made**2).sum((0, 2))
+    follow = (products + np.mean(products) / len(share)) / np.maximum(
+        squares + np.mean(squares) / len(share), _TINY_M**2
+    )
+    return WornGarmentStatistics(
+        _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
+    )
+
+
+def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
+    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)

@@ -1,0 +1,161 @@
+"""The garment at rest corrected by its points, and laid on them."""
+
+import numpy as np
+import torch
+
+from drapeline.models.garment4d.data import propose_garment
+from drapeline.models.garment4d.final_step import (
+    FinalStep,
+    Guess,
+    Seen,
+    fit_final_step,
+    load_final_step,
+    measure_worn_garments,
+    seen_sequence,
+    training_worn_statistics,
+)
+from drapeline.models.garment4d.settings import SkinningSettings
+from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_points import springs
+from drapeline.seeding import rng_for
+from toys.gcvae import tube, tube_faces
+
+FACES = tube_faces(False)
+SKINNING = SkinningSettings(neighbours=16, passes=5)
+# Thirty body points tell nothing of where the body ends: no gap is asked for.
+SETTINGS = RefineSettings(gap_m=-1.0)
+
+
+def seen(sequences, sequence):
+    """With the true labels."""
+    data = sequences.data
+    return seen_sequence(sequences, sequence, data.labels[data.rows(sequence)])
+
+
+def plain(data):
+    return FinalStep(data.space, data.label, SKINNING)
+
+
+def test_a_known_garment_follows_the_points_and_keeps_to_the_cloth(sequences, data):
+    sequence = int(data.of_split("test")[0])
+    true = data.garment[data.rows(sequence)]
+    given = seen(sequences, sequence)
+    laid = plain(data)(data.canonical[sequence], given, SETTINGS)
+    skinned = propose_garment(
+        given.body, given.poses, data.canonical[sequence], data.space.faces, SKINNING
+    )
+    np.testing.assert_allclose(laid.proposal, skinned, atol=1e-6)
+    np.testing.assert_array_equal(laid.canonical, data.canonical[sequence])
+    before, after = (np.linalg.norm(x - true, axis=-1).mean() for x in (skinned, laid.final))
+    assert after < 0.85 * before
+
+
+def upright_stretch(data, evidence):
+    """Mean over the springs that run upwards."""
+    pairs = springs(data.space.faces)[0]
+    away = data.space.mean[pairs[:, 0]] - data.space.mean[pairs[:, 1]]
+    upright = np.abs(away[:, 2]) > 2 * np.linalg.norm(away[:, :2], axis=1)
+    assert upright.any()
+    return evidence[0, : len(pairs)][upright].mean()
+
+
+def test_springs_of_a_guess_that_is_too_short_become_longer(sequences, data):
+    sequence = int(data.of_split("test")[0])
+    true, given, step = data.canonical[sequence], seen(sequences, sequence), plain(data)
+    top = true[:, 2].max()
+    short, long = (
+        np.column_stack([true[:, :2], top + share * (true[:, 2] - top)]).astype(np.float32)
+        for share in (0.8, 1.25)
+    )
+    at_short, at_long = (
+        upright_stretch(data, step.evidence(guess, given)) for guess in (short, long)
+    )
+    assert at_short > 0.02
+    assert at_short > at_long + 0.03
+
+
+def guesses(data, sequences):
+    """Off in a coefficient, by as much as it varies."""
+    rng = rng_for(0, "guesses")
+    for split in ("train", "val"):
+        for sequence in data.of_split(split).tolist():
+            off = np.zeros_like(data.coefficients[sequence])
+            off[0] = rng.normal()
+            yield Guess(
+                sequence,
+                data.coefficients[sequence] + off,
+                data.labels[data.rows(sequence)],
+            )
+
+
+def test_what_training_found_comes_back(sequences, data):
+    step = fit_final_step(sequences, SKINNING, guesses(data, sequences), SETTINGS, "skinned")
+    assert not step.simulated
+    again = load_final_step(step.arrays(), data.space, data.label, SKINNING)
+    sequence = int(data.of_split("test")[0])
+    given = seen(sequences, sequence)
+    made, wanted = (one(data.space.mean, given, SETTINGS) for one in (again, step))
+    for part, expected in zip(made, wanted, strict=True):
+        np.testing.assert_array_equal(part, expected)
+    # Corrected, within the space of the type's garments.
+    assert np.abs(made.canonical - data.space.mean).max() > 1e-4
+    back = data.space.vertices(data.space.coefficients(made.canonical))
+    np.testing.assert_allclose(back, made.canonical, atol=1e-4)
+
+
+def test_a_correction_is_what_the_regression_says_of_the_evidence(sequences, data):
+    step = fit_final_step(sequences, SKINNING, guesses(data, sequences), SETTINGS, "skinned")
+    given = seen(sequences, int(data.of_split("test")[0]))
+    change = step.correction(torch.from_numpy(step.evidence(data.space.mean, given))[None])
+    expected = data.space.vertices(change[0].numpy())
+    np.testing.assert_allclose(step.correct(data.space.mean, given), expected, atol=1e-6)
+
+
+def test_without_first_guesses_nothing_is_corrected(sequences, data):
+    step = fit_final_step(sequences, SKINNING, [], SETTINGS, "best")
+    assert step.correction is None
+    assert not step.simulated
+    given = seen(sequences, int(data.of_split("test")[0]))
+    np.testing.assert_array_equal(step.correct(data.space.mean, given), data.space.mean)
+
+
+def test_frames_of_a_sequence_stay_together(sequences, data):
+    given = seen(sequences, int(data.of_split("test")[0]))
+    part = given.frames(np.array([1, 3]))
+    for key in Seen._fields[:-1]:
+        np.testing.assert_array_equal(getattr(part, key), getattr(given, key)[[1, 3]])
+    assert part.body is given.body
+
+
+def test_worn_statistics_are_means_over_sequences_with_one_of_the_mean():
+    rest = tube()
+    moving = rest + 0.01 * np.sin(2 * np.arange(6))[:, None, None] * np.array([0, 0, 1.0])
+    half = rest + 0.5 * (moving - rest)
+    found = measure_worn_garments([half], [moving], [rest], FACES)
+    np.testing.assert_allclose(found.shares, 1, atol=1e-9)
+    np.testing.assert_allclose(found.follow, 0.5)
+    wanted = np.sqrt(((half - moving)[:, 0] ** 2).sum(1).mean())
+    np.testing.assert_allclose(found.error_m, wanted)
+    # Twice as high, in one of two sequences: upright springs have shares of 1 and 2.
+    high = moving * [1, 1, 2]
+    found = measure_worn_garments([moving, high], [moving, high], [rest, rest], FACES)
+    pairs = springs(FACES)[0]
+    upright = np.linalg.norm((rest[pairs[:, 0]] - rest[pairs[:, 1]])[:, :2], axis=1) < 1e-9
+    level = np.abs(rest[pairs[:, 0], 2] - rest[pairs[:, 1], 2]) < 1e-9
+    assert upright.any()
+    assert level.any()
+    mean = (3 * found.shares[level][0] - 2) / 1
+    np.testing.assert_allclose(found.shares[level], (1 + 1 + mean) / 3)
+    np.testing.assert_allclose(found.shares[upright], (1 + 2 + mean) / 3)
+    assert 1 < mean < 1.5
+    np.testing.assert_allclose(found.follow, 1)
+    np.testing.assert_allclose(found.error_m, 0, atol=1e-9)
+
+
+def test_worn_statistics_are_those_beside_proposals_of_the_skinning_asked_for(sequences):
+    # Toy garments are skinned like this, and sway by up to 2 cm.
+    own = training_worn_statistics(sequences, SkinningSettings(neighbours=16, passes=5))
+    other = training_worn_statistics(sequences, SkinningSettings(neighbours=1, passes=0))
+    assert own.error_m.max() < 0.021
+    assert own.error_m.mean() < 0.9 * other.error_m.mean()
+    np.testing.assert_allclose(own.shares, other.shares)
