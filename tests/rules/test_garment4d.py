@@ -64,6 +64,7 @@ def trained(run_rule, folder, bodies, sequences):
                 "settings": override_settings(settings, POSED_VARIANTS.get(name, {})),
                 "pointnet": name == "pointnet",
                 "mgn": name == "mgn",
+                "complete": name == "posed",
                 "refine": {},
                 "proposals": "best",
                 "body_points": BODY_POINTS,

@@ -132,6 +132,7 @@ class _Garment4dTasks:
                 )
                 told = {
                     "mgn": name == "mgn",
+                    "complete": name == "posed",
                     "settings": changed,
                     "refine": self.settings["refine"],
                     "proposals": self.settings["proposals"],

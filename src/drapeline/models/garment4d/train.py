@@ -81,7 +81,7 @@ def train_posed(job: Job) -> None:
     settings: Any = stage.SETTINGS(**params.settings)
 
     def complete(folder: Path) -> None:
-        if params.mgn:  # a baseline to compare with, not to be used
+        if not params.complete:  # to compare with, not to be used
             return
         final_step = fit_final_step(
             sequences,
