@@ -56,6 +56,7 @@ _MOMENTUM = 0.9  # share of the last round's step that the next one starts with
 _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a close one
 _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
+_AROUND = 3  # points that have to be skin for a vertex to lie on it
 _SKIN_NEAR = 2.0  # distances between points, within which skin is taken for seen
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
 
@@ -243,32 +244,32 @@ class SeenSkin:
     """
 
     def __init__(self, points: np.ndarray, chosen: np.ndarray, bare: np.ndarray) -> None:
-        self._cloth, self._skin = (
-            [
-                cKDTree(cloud[mask]) if mask.any() else None
-                for cloud, mask in zip(points, masks, strict=True)
-            ]
-            for masks in (chosen, bare)
-        )
-        # Of the garment's own points, which may be fewer than those of skin.
+        self._clouds = [cKDTree(cloud) for cloud in points]
+        self._cloths = [
+            cKDTree(cloud[own]) if own.any() else None
+            for cloud, own in zip(points, chosen, strict=True)
+        ]
+        self._bare = bare
+        # Between the garment's own points, which may be fewer than those of skin.
         self._spacing_m = [
             float(np.median(tree.query(tree.data, k=2)[0][:, 1])) if tree and tree.n > 1 else 0.0
-            for tree in self._cloth
+            for tree in self._cloths
         ]
 
     def goals(self, garment: np.ndarray) -> np.ndarray:
         """(F, N, 3) the garment's points nearest to vertices that lie on bare skin; NaN elsewhere.
 
-        There, skin is about as near as points are to one another, and nearer than cloth.
+        On bare skin, several points around a vertex are skin, and about as near as points are to
+        one another. A single one may have a wrong label.
         """
         goals = np.full(garment.shape, np.nan)
-        for frame, (cloth, skin) in enumerate(zip(self._cloth, self._skin, strict=True)):
-            if cloth is None or skin is None:
+        for frame, (cloud, cloth) in enumerate(zip(self._clouds, self._cloths, strict=True)):
+            if cloth is None:
                 continue
-            to_cloth, row = cloth.query(garment[frame])
-            to_skin, spacing = skin.query(garment[frame])[0], self._spacing_m[frame]
-            off = (to_skin < _SKIN_NEAR * spacing) & (to_cloth > to_skin + spacing)
-            goals[frame, off] = cloth.data[row[off]]
+            away, around = cloud.query(garment[frame], k=min(_AROUND, cloud.n))
+            near = away[:, 0] < _SKIN_NEAR * self._spacing_m[frame]
+            off = near & self._bare[frame][around].all(axis=1)
+            goals[frame, off] = cloth.data[cloth.query(garment[frame, off])[1]]
         return goals
 
 
