@@ -48,6 +48,7 @@ PREDICTED = (
     *("skinned_mean", "skinned_static", "skinned_mean_garment", *FLOOR),
 )
 POSED = ("lbs", "untrained", "mgn", "posed", "ours")
+ORACLES = ("ours_true_labels", "ours_true_rest")
 HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")
 SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
 
@@ -63,16 +64,17 @@ METRIC_TABLES = {
     "predicted": MetricTable(PREDICTED, (*ERRORS, "inside_share"), count=""),
     "predicted_by_type": by_type(PREDICTED, ["surface_error_mm"], GARMENTS),
     "canonical": by_type(
-        ("canonical", "regression", "pointnet", "mean_garment", "pca"),
+        ("canonical", "regression", "pointnet", "ours", "mean_garment", "pca"),
         ["canonical_error_mm"],
         TEMPLATE_TYPES,
     ),
     "labels": by_type(
         ("canonical", "label_by_vertex", "one_label"), ["segmentation_accuracy"], TEMPLATE_TYPES
     ),
-    "posed": by_type(POSED, ["vertex_error_mm"], TEMPLATE_TYPES),
+    "posed": by_type((*POSED, *ORACLES), ["vertex_error_mm"], TEMPLATE_TYPES),
     "posed_surface": by_type(POSED, ["predicted_to_true_mm"], TEMPLATE_TYPES),
     "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], TEMPLATE_TYPES),
+    "velocity": by_type(("still", *POSED), ["velocity_error_m_s"], TEMPLATE_TYPES),
     "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
     "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
     "by_solver": MetricTable(
