@@ -48,7 +48,7 @@ _SMALL_M = 1e-4
 _TINY_M = 1e-9
 _MOST_FRAMES = 20  # of a sequence, evenly spread, that a correction is made from
 # How far simulated garments are off, and the share of their accelerations that is right.
-_SIMULATED_ERROR_M, _SIMULATED_FOLLOW = 0.04, 1.0
+_SIMULATED_ERROR_M, _SIMULATED_FOLLOW = 0.08, 1.0
 _SIMULATION = SimulationSettings(attempts=1, floor=False)
 
 
