@@ -1,4 +1,4 @@
-"""Garments moved to points: of a whole sequence, as our last step after Garment4D, or of a scan.
+"""Garments moved to points: of a whole sequence, as our final step after Garment4D, or of a scan.
 
 Garments that networks or codes give need not touch the points. Cloth hardly stretches and moves
 smoothly, so the edge lengths of the garment at rest and all frames together give a system of

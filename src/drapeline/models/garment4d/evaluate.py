@@ -64,7 +64,7 @@ class SplitEvaluation:
 
     Args:
         split: "train", "val" or "test".
-        final_step: our last step; without corrections of garments at rest if None.
+        final_step: our final step; without corrections of garments at rest if None.
 
     Raises:
         InputError: no sequence of the split is simulated. Garments moved by skinning are never
@@ -181,7 +181,7 @@ class SplitEvaluation:
         noisy: bool = False,
         step: FinalStep | None = None,
     ) -> LaidGarment:
-        """What our last step, or another one, makes of a reconstruction."""
+        """What our final step, or another one, makes of a reconstruction."""
         rows = self.data.rows(sequence)
         poses, body = self._body(sequence, noisy=noisy)
         seen = Seen(self.data.points[rows], made.labels, poses, self.data.trans[rows], body)
@@ -270,7 +270,7 @@ class SplitEvaluation:
 
         Canonical stages are measured if their points are body-relative, since others do not use the
         body. Of the posed stages these are the full model (the variant "noisy_body" itself), its
-        proposals and our last step, and MGN*.
+        proposals and our final step, and MGN*.
         """
         for sequence in progress(self.simulated, total=len(self.simulated), label="noisy bodies"):
             for variant, stage in canonical.items():
@@ -376,7 +376,7 @@ def evaluate(
     Args:
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        final_step: our last step.
+        final_step: our final step.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code; None to

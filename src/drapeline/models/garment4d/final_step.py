@@ -1,4 +1,4 @@
-"""Our last step: the garment at rest corrected by its points, and laid on them in every frame.
+"""Our final step: the garment at rest corrected by its points, and laid on them in every frame.
 
 It takes a first guess of the garment at rest and the labels of the points; the posed network has no
 part in it. The guess, skinned, is moved to the points of some frames. Where it had to stretch for
@@ -89,7 +89,7 @@ class FinalStep:
     skinning: SkinningSettings
     # Of simulated training sequences; None where there were none.
     statistics: WornGarmentStatistics | None = None
-    # From `_evidence` to changes of alpha; None where no first guess is of garments left out.
+    # From `evidence` to changes of alpha; None where no first guess is of garments left out.
     correction: MapRegression | None = None
     simulated: bool = False  # whether proposals are simulated rather than skinned
 

@@ -356,7 +356,7 @@ class ReconstructionSteps(NamedTuple):
     points: np.ndarray  # (F, P, 3) that the networks were given
     body: ShapedBody  # whose garment it is
     made: ReconstructedGarment  # by the networks
-    laid: LaidGarment  # by our last step, or by the networks if it is left out
+    laid: LaidGarment  # by our final step, or by the networks if it is left out
 
 
 class ReconstructionModel:
@@ -371,7 +371,7 @@ class ReconstructionModel:
         stage: trained networks.
         bodies: of both genders.
         points: of a cloud that the networks were trained on.
-        final_step: our last step.
+        final_step: our final step.
 
     Raises:
         InputError: a file is missing or damaged, or holds a network of another stage.
@@ -408,7 +408,7 @@ class ReconstructionModel:
             gender: "female" or "male".
             trans: (F, 3) position of the root joint in the frame of the clouds, metres; the origin
                 if None.
-            refining: weights of our last step, which lays the garment on the points; None leaves it
+            refining: weights of our final step, which lays the garment on the points; None leaves it
                 out.
             least_share: of the points that have to be taken for the garment; with fewer, the
                 networks would return little more than the mean garment.
@@ -452,7 +452,7 @@ class ReconstructionModel:
 
         Args:
             scans: with the body.
-            refining: of our last step; None leaves it out.
+            refining: of our final step; None leaves it out.
             least_share: of the points that have to be taken for the garment.
 
         Raises:

@@ -219,7 +219,7 @@ class ScannedGarment(NamedTuple):
     """A garment reconstructed from scans; metres, root frame."""
 
     canonical: np.ndarray  # (N, 3)
-    final: np.ndarray  # (F, N, 3) of our last step
+    final: np.ndarray  # (F, N, 3) of our final step
     rows: Table  # of the table of metrics
     shown: Reconstruction  # some frames with all stages, for figures
 
@@ -270,7 +270,7 @@ def _measure(
     final: np.ndarray,
     seed: int,
 ) -> Table:
-    """Table 5 for the proposals, the posed stage and our last step, against the whole scans."""
+    """Table 5 for the proposals, the posed stage and our final step, against the whole scans."""
     moving = body_frames(body, scans.body.poses)
     tables = []
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}

@@ -475,12 +475,12 @@ class Garment4dSettings(Settings):
     mgn: MgnStageSettings = MgnStageSettings()
     trainer: Trainer = Trainer()
     refine: RefineSettings = Field(
-        RefineSettings(), description="Our last step after the posed network."
+        RefineSettings(), description="Our final step."
     )
     proposals: Literal["skinned", "simulated", "best"] = Field(
         "best",
         description=(
-            "How garments move before our last step lays them on the points: with the body by "
+            "How garments move before our final step lays them on the points: with the body by "
             "skinning, by the fast cloth solver, or by what is closer on validation sequences. "
             "A change retrains the posed stage."
         ),

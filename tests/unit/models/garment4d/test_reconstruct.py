@@ -134,7 +134,7 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
 ):
     """About the vertical. Networks see coordinates turned as the world, so they may tell fronts.
 
-    Skinning, body-relative points and our last step (see its own test) do not depend on where a
+    Skinning, body-relative points and our final step (see its own test) do not depend on where a
     body faces.
     """
     turn = Rotation.from_euler("z", 1.1)
