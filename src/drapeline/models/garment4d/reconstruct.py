@@ -408,8 +408,8 @@ class ReconstructionModel:
             gender: "female" or "male".
             trans: (F, 3) position of the root joint in the frame of the clouds, metres; the origin
                 if None.
-            refining: weights of our final step, which lays the garment on the points; None leaves it
-                out.
+            refining: weights of our final step, which lays the garment on the points; None leaves
+                it out.
             least_share: of the points that have to be taken for the garment; with fewer, the
                 networks would return little more than the mean garment.
 

@@ -474,9 +474,7 @@ class Garment4dSettings(Settings):
     posed: PosedStageSettings = PosedStageSettings()
     mgn: MgnStageSettings = MgnStageSettings()
     trainer: Trainer = Trainer()
-    refine: RefineSettings = Field(
-        RefineSettings(), description="Our final step."
-    )
+    refine: RefineSettings = Field(RefineSettings(), description="Our final step.")
     proposals: Literal["skinned", "simulated", "best"] = Field(
         "best",
         description=(
