@@ -32,7 +32,7 @@ from drapeline.models.garment4d.data import (
     skinning_weights,
 )
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.outfits.garment_types import BODY, LABELS
+from drapeline.outfits.garment_types import BODY, GARMENT_TYPES, LABELS
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import (
     WornGarmentStatistics,
@@ -258,7 +258,9 @@ def fit_final_step(
         guesses: of training sequences of all kinds, and of simulated validation sequences. Without
             any for training, first guesses are not corrected.
         settings: of the last fit.
-        proposals: "skinned", "simulated" or "best", which is the one with the smaller M2.
+        proposals: "skinned", "simulated" or "best", which is the one with the smaller M2; of
+            garments that nothing holds at the waist, it is "skinned": they slip while they get
+            from the rest pose to the first frame.
     """
     data = sequences.data
     statistics = training_worn_statistics(sequences, skinning)
@@ -268,7 +270,8 @@ def fit_final_step(
         by_split[str(data.split[guess.sequence])].append(guess)
     step = replace(step, correction=_fit_correction(step, sequences, by_split["train"]))
     simulated = proposals == "simulated"
-    if proposals == "best" and by_split["val"]:
+    held = GARMENT_TYPES[LABELS[data.label]].region == "lower"
+    if proposals == "best" and held and by_split["val"]:
         errors = {
             how: _error_mm(replace(step, simulated=how), sequences, by_split["val"], settings)
             for how in (False, True)

@@ -479,7 +479,8 @@ class Garment4dSettings(Settings):
         "best",
         description=(
             "How garments move before our final step lays them on the points: with the body by "
-            "skinning, by the fast cloth solver, or by what is closer on validation sequences. "
+            "skinning, by the fast cloth solver, or, of skirts and trousers, by what is closer on "
+            "validation sequences. "
             "A change retrains the posed stage."
         ),
     )
