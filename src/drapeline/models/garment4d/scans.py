@@ -4,7 +4,7 @@ F frames, P points, N vertices and D components of a type's template.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -127,7 +127,9 @@ class Garment4dScanFitter:
         )
         trans = np.tile(body.trans, (frames, 1))
         seen = Seen(clouds, made.labels, poses, trans, wearer)
-        laid = model.final_step(made.first, seen, DEFAULT_REFINING)
+        # Nothing moves, so that nothing is to be simulated.
+        step = replace(model.final_step, simulated=False)
+        laid = step(made.first, seen, DEFAULT_REFINING)
         middle = frames // 2
         networks, ours = (
             (part[middle] + body.trans).astype(np.float32) for part in (made.final, laid.final)
