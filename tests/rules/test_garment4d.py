@@ -49,14 +49,14 @@ def trained(run_rule, folder, bodies, sequences):
         if output.exists():
             return output
         canonical = name in ("canonical", "pointnet")
-        stage = "canonical" if canonical else "posed"
+        kind = "canonical" if canonical else "posed" if name == "posed" else "compared"
         settings = {
             "canonical": CANONICAL,
             "mgn": MGN,
             "pointnet": {**CANONICAL, "training": SHORT},
         }.get(name, {**POSED, "training": SHORT})
         run_rule(
-            f"drapeline.models.garment4d.train:train_{stage}",
+            f"drapeline.models.garment4d.train:train_{kind}",
             input={"data": folder / "data", **bodies}
             | ({} if canonical else {"canonical": train("canonical")}),
             output=[output],
@@ -64,7 +64,6 @@ def trained(run_rule, folder, bodies, sequences):
                 "settings": override_settings(settings, POSED_VARIANTS.get(name, {})),
                 "pointnet": name == "pointnet",
                 "mgn": name == "mgn",
-                "complete": name == "posed",
                 "refine": {},
                 "proposals": "best",
                 "body_points": BODY_POINTS,

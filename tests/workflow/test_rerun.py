@@ -30,7 +30,7 @@ SOLVER = CLOTH_SOLVERS["xpbd"].code
 # Scripts that are told of the solver that the config names.
 SIMULATE = {"simulate_outfits", "write_samples"}
 HANG = {
-    *("fit_own_scans", "fit_picture", "regress_picture"),
+    *("fit_own_scans", "fit_picture", "reconstruct_garment", "regress_picture"),
     *("gcvae/sampled", "gcvae/animated", "gcvae/compare_gcvae_samples"),
 }
 PLANS = {name: model.plan(files_of(ROOT / CONFIG)) for name, model in models().items()}
@@ -42,6 +42,8 @@ TASKS = {
 # Whose garments hang, or are simulated.
 SIMULATED = {
     *("smplicit/evaluated/images", "smplicit/evaluated/scans", "gcvae/evaluated/dynamic_floor"),
+    *("garment4d/Skirt/posed", "garment4d/evaluated/Skirt", "garment4d/evaluated/Skirt_ablations"),
+    "garment4d/evaluated/scans",
     *(f"smplicit/pose_smplicit_{name}" for name in ("upper", "trousers", "skirt", "whole")),
 }
 EVALUATED = {name for name in TASKS if name.startswith("gcvae/evaluated/")}
@@ -50,7 +52,8 @@ TRAINED = {
     "garment4d": {
         name
         for name, task in TASKS.items()
-        if task.run == "drapeline.models.garment4d.train:train_posed"
+        if task.run.startswith("drapeline.models.garment4d.train:")
+        and not task.run.endswith("train_canonical")
     },
 }
 # What reads whole samples, whose bodies may be ours.

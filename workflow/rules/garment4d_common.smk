@@ -1,4 +1,5 @@
 from drapeline.models.garment4d.plan import PROTOCOLS, Garment4dFiles
+from drapeline.experiment.cloth_solvers import OUR_SOLVER
 
 GARMENT4D = Garment4dFiles(FILES)
 RECONSTRUCT = config["garment4d"]["reconstruct"]

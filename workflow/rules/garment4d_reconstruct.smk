@@ -26,7 +26,7 @@ rule reconstruct_garment:
         refine=lookup(dpath="garment4d/refine", within=config),
         colour=[0.45, 0.55, 0.75],
         seed=config["seed"],
-        code=source_hash("reconstruct_garment", QUICK_SOLVER.code),
+        code=source_hash("reconstruct_garment", OUR_SOLVER),
     script:
         "../../scripts/reconstruct_garment.py"
 

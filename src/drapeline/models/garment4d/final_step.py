@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from drapeline.bodies.sequence import untouched_sequence
-from drapeline.experiment.cloth_solvers import QUICK_SOLVER
+from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.generation.moving_sheets import WORN, simulate_sheet
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.sequences import SIMULATED
@@ -228,7 +228,7 @@ def simulate_proposals(
         garment,
         body.model,
         record,
-        import_module(QUICK_SOLVER.code).cloth_solver(1),
+        import_module(OUR_SOLVER).cloth_solver(1),
         edge_length_m=None,
         simulation=_SIMULATION,
         bounds=WORN,

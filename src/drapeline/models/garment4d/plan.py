@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
+from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.models.garment4d.settings import Garment4dSettings, posed_variants
 from drapeline.models.registry import (
@@ -123,28 +124,29 @@ class _Garment4dTasks:
                     "pointnet": name == "pointnet",
                     "settings": self._stage_settings("canonical"),
                 }
-                found[f"{garment}/{name}"] = self._train(garment, "canonical", told)
+                found[f"{garment}/{name}"] = self._train("canonical", garment, "canonical", told)
             canonical = f"{self.folder}/{garment}/canonical"
             for name in (*self.variants, "mgn"):
                 stage = "mgn" if name == "mgn" else "posed"
                 changed = override_settings(
                     self._stage_settings(stage), self.variants.get(name, {})
                 )
-                told = {
-                    "mgn": name == "mgn",
-                    "complete": name == "posed",
-                    "settings": changed,
-                    "refine": self.settings["refine"],
-                    "proposals": self.settings["proposals"],
-                }
-                found[f"{garment}/{name}"] = self._train(garment, stage, told, canonical=canonical)
+                kind, told = "compared", {"settings": changed, "mgn": name == "mgn"}
+                if name == "posed":  # the one to be used
+                    own = {key: self.settings[key] for key in ("refine", "proposals")}
+                    kind, told = "posed", {"settings": changed, **own}
+                found[f"{garment}/{name}"] = self._train(
+                    kind, garment, stage, told, canonical=canonical
+                )
         return found
 
-    def _train(self, garment: str, stage: str, told: Mapping[str, Any], **given: str) -> Task:
-        kind = "canonical" if stage == "canonical" else "posed"
-        own, points = self.settings[kind], self.settings["clouds"]["points"] / 1024
+    def _train(
+        self, kind: str, garment: str, stage: str, told: Mapping[str, Any], **given: str
+    ) -> Task:
+        place = "canonical" if stage == "canonical" else "posed"
+        own, points = self.settings[place], self.settings["clouds"]["points"] / 1024
         training = own["training"]
-        rate_s = {"canonical": 0.0046, "posed": 0.033}[kind]
+        rate_s = {"canonical": 0.0046, "posed": 0.033}[place]
         frames = training["frames"] / training["stride"]
         # Linear as far as it was measured; what is larger belongs on a GPU.
         batch_mb = 400 + 160 * training["batch"] * training["frames"] * points
@@ -159,7 +161,7 @@ class _Garment4dTasks:
             seconds=rate_s * training["epochs"] * self.files.moving_frames * frames * points,
             megabytes=min(batch_mb, 40_000),
             checks=[partial(self._require_sequences, garment, stage)],
-            modules=[] if kind == "canonical" else [self.files.hanging_solver],
+            modules=[OUR_SOLVER] if kind == "posed" else [],
             parallel=True,
             gpus=self.files.gpus("garment4d"),
         )
@@ -245,7 +247,7 @@ class _Garment4dTasks:
             seconds=400 * size,
             megabytes=1200 + 20 * size,
             checks=[partial(require_simulated, garment, wearers, EVALUATED_SPLITS)],
-            modules=[self.files.hanging_solver],
+            modules=[OUR_SOLVER],
             parallel=True,
             gpus=min(self.files.gpus("garment4d"), 1),
         )
@@ -278,7 +280,7 @@ class _Garment4dTasks:
             {"split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
             megabytes=2500,
-            modules=[self.files.hanging_solver],
+            modules=[OUR_SOLVER],
         )
 
     def figures(self) -> dict[str, Figure]:

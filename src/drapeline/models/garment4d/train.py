@@ -73,26 +73,35 @@ def train_canonical(job: Job) -> None:
 
 
 def train_posed(job: Job) -> None:
-    """The network of displacements, in one of its variants; or MGN*."""
+    """The network of displacements, and the final step."""
     params, sequences = job.params, _sequences(job)
-    stage = MgnStage if params.mgn else PosedStage
-    device = fastest_device(params.trainer["accelerator"])
-    canonical = load_stage(job.input.canonical, CanonicalStage).to(device)
-    settings: Any = stage.SETTINGS(**params.settings)
+    stage = _posed(job, PosedStage)
 
     def complete(folder: Path) -> None:
-        if not params.complete:  # to compare with, not to be used
-            return
         final_step = fit_final_step(
             sequences,
-            settings.skinning,
-            guess_all(canonical, sequences),
+            stage.settings.skinning,
+            guess_all(stage.canonical, sequences),
             RefineSettings(**params.refine),
             params.proposals,
         )
         save_posed_files(folder, sequences, final_step)
 
-    train_stage(stage(settings, canonical), sequences, TrainingRun.of(job), complete)
+    train_stage(stage, sequences, TrainingRun.of(job), complete)
+
+
+def train_compared(job: Job) -> None:
+    """A variant of the network of displacements, or MGN*: to compare with, not to be used."""
+    stage = _posed(job, MgnStage if job.params.mgn else PosedStage)
+    train_stage(stage, _sequences(job), TrainingRun.of(job))
+
+
+def _posed(job: Job, stage: type[PosedStage]) -> PosedStage:
+    """Untrained, on the trained canonical stage."""
+    device = fastest_device(job.params.trainer["accelerator"])
+    canonical = load_stage(job.input.canonical, CanonicalStage).to(device)
+    settings: Any = stage.SETTINGS(**job.params.settings)
+    return stage(settings, canonical)
 
 
 def _sequences(job: Job) -> BodySequences:
