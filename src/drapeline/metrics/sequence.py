@@ -48,11 +48,7 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray) -> float:
     Returns:
         m/s^2, over the F - 2 frames that have both neighbours; NaN with fewer than three frames.
     """
-    if len(true) < 3:
-        return float("nan")
-    # Second differences are linear: those of the error are the difference of the two.
-    error = np.asarray(predicted, dtype=np.float64) - true
-    return float(FPS**2 * np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1).mean())
+    return _derivative_error(predicted, true, 2)
 
 
 def velocity_error_m_s(predicted: np.ndarray, true: np.ndarray) -> float:
@@ -66,10 +62,15 @@ def velocity_error_m_s(predicted: np.ndarray, true: np.ndarray) -> float:
     Returns:
         m/s, over the F - 1 steps; NaN with a single frame.
     """
-    if len(true) < 2:
+    return _derivative_error(predicted, true, 1)
+
+
+def _derivative_error(predicted: np.ndarray, true: np.ndarray, order: int) -> float:
+    if len(true) <= order:
         return float("nan")
+    # Differences are linear: those of the error are the difference of the two.
     error = np.asarray(predicted, dtype=np.float64) - true
-    return float(FPS * np.linalg.norm(np.diff(error, axis=0), axis=-1).mean())
+    return float(FPS**order * np.linalg.norm(np.diff(error, n=order, axis=0), axis=-1).mean())
 
 
 def split_error_mm(predicted: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
