@@ -70,7 +70,6 @@ def fit_to_points(
     body: np.ndarray,
     body_normals: np.ndarray,
     settings: RefineSettings,
-    proposal: np.ndarray | None = None,
     worn_statistics: WornGarmentStatistics | None = None,
     bare: np.ndarray | None = None,
 ) -> np.ndarray:
@@ -83,16 +82,14 @@ def fit_to_points(
     frequency in time.
 
     Args:
-        vertices: (F, N, 3) garments of all frames of a sequence, root frame, metres.
+        vertices: (F, N, 3) proposals for all frames of a sequence, root frame, metres.
         points: (F, P, 3).
         chosen: (F, P) bool, which points are the garment's; a frame may have none.
         faces: (E, 3) of the garment.
         rest: (N, 3) the canonical garment.
         body, body_normals: (F, M, 3) body vertices and outward unit normals.
-        proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
-            None.
         worn_statistics: of the type; if None, lengths are those at rest, all vertices start
-            equally well, and accelerations are compared with zero.
+            equally well, and accelerations are compared with zero, not with those of `vertices`.
         bare: (F, P) bool, which points are skin, see `SeenSkin`; none if None.
     """
     if worn_statistics is None:
@@ -105,7 +102,7 @@ def fit_to_points(
     start = np.asarray(vertices, dtype=np.float64)
     solver = SmoothnessSolver(cloth.stiffness, 1 + keep, len(start), settings.smooth)
     constant = keep[:, None] * start
-    accelerations = solver.acceleration_gradient(start if proposal is None else proposal)
+    accelerations = solver.acceleration_gradient(start)
     constant += worn_statistics.follow[:, None] * accelerations
     garment, before = start, start
     skin = None if bare is None else SeenSkin(points, chosen, bare)
