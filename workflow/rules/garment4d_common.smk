@@ -1,5 +1,5 @@
-from drapeline.models.garment4d.plan import PROTOCOLS, Garment4dFiles
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
+from drapeline.models.garment4d.plan import PROTOCOLS, Garment4dFiles
 
 GARMENT4D = Garment4dFiles(FILES)
 RECONSTRUCT = config["garment4d"]["reconstruct"]

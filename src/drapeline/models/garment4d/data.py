@@ -248,7 +248,9 @@ class Windows:
         val = self.sequences.data.windows("val", self.frames, self.frames, sources)
         if most is None or not len(val):
             return val
-        return np.concatenate([_spread(val[val[:, 0] == s], most) for s in np.unique(val[:, 0])])
+        return np.concatenate(
+            [spread_rows(val[val[:, 0] == s], most) for s in np.unique(val[:, 0])]
+        )
 
     def rows(self, split: str) -> np.ndarray:
         """Rows of "train" or "val"."""
@@ -261,10 +263,9 @@ class Windows:
         )
 
 
-def _spread(windows: np.ndarray, most: int) -> np.ndarray:
-    """At most so many of the windows (W, 2) of a sequence, evenly spread."""
-    count = min(most, len(windows))
-    return windows[np.linspace(0, len(windows) - 1, count).round().astype(int)]
+def spread_rows(rows: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of the rows (R, ...), evenly spread."""
+    return rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)]
 
 
 class DressedSequences(BodySequences):

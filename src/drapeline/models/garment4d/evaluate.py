@@ -5,7 +5,6 @@ F frames, P points of a cloud, N vertices of the template, B vertices of the bod
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, reduce
 from pathlib import Path
 
@@ -169,8 +168,8 @@ class SplitEvaluation:
         labels = data.labels[data.rows(sequence)]
         told = self._lay(sequence, made._replace(labels=labels))
         self.measure_garment("ours_true_labels", sequence, told.final)
-        known = replace(self.final_step, correction=None)
-        told = self._lay(sequence, made._replace(first=data.canonical[sequence]), step=known)
+        seen = self._seen(sequence, made)
+        told = self.final_step.lay(data.canonical[sequence], seen, self.refining)
         self.measure_garment("ours_true_rest", sequence, told.final)
 
     def _lay(
@@ -179,13 +178,15 @@ class SplitEvaluation:
         made: ReconstructedGarment,
         *,
         noisy: bool = False,
-        step: FinalStep | None = None,
     ) -> LaidGarment:
-        """What our final step, or another one, makes of a reconstruction."""
+        """What our final step makes of a reconstruction."""
+        return self.final_step(made.first, self._seen(sequence, made, noisy=noisy), self.refining)
+
+    def _seen(self, sequence: int, made: ReconstructedGarment, *, noisy: bool = False) -> Seen:
+        """A sequence with the labels of its reconstruction."""
         rows = self.data.rows(sequence)
         poses, body = self._body(sequence, noisy=noisy)
-        seen = Seen(self.data.points[rows], made.labels, poses, self.data.trans[rows], body)
-        return (step or self.final_step)(made.first, seen, self.refining)
+        return Seen(self.data.points[rows], made.labels, poses, self.data.trans[rows], body)
 
     def measure_garment(
         self,

@@ -30,6 +30,7 @@ from drapeline.models.garment4d.data import (
     proposals,
     propose_garment,
     skinning_weights,
+    spread_rows,
 )
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.outfits.garment_types import BODY, GARMENT_TYPES, LABELS
@@ -95,7 +96,10 @@ class FinalStep:
 
     def __call__(self, first: np.ndarray, seen: Seen, settings: RefineSettings) -> LaidGarment:
         """The garment in all frames, from a first guess (N, 3) of it at rest."""
-        canonical = self.correct(first, seen)
+        return self.lay(self.correct(first, seen), seen, settings)
+
+    def lay(self, canonical: np.ndarray, seen: Seen, settings: RefineSettings) -> LaidGarment:
+        """The garment in all frames, from one (N, 3) at rest that is taken as it is."""
         proposal, statistics = self.propose(canonical, seen)
         final = self._fit(proposal, canonical, seen, settings, statistics)
         return LaidGarment(canonical, proposal, final)
@@ -129,9 +133,7 @@ class FinalStep:
         the mean logarithms by which springs became longer, and the median offsets that vertices
         have when they are carried back to rest, in mean lengths of a spring.
         """
-        count = len(seen.poses)
-        chosen = np.unique(np.linspace(0, count - 1, min(count, _MOST_FRAMES)).round().astype(int))
-        part = seen.frames(chosen)
+        part = seen.frames(spread_rows(np.arange(len(seen.poses)), _MOST_FRAMES))
         proposal, weights, motions = self._skin(canonical, part)
         still = RefineSettings(smooth=0)
         garment = self._fit(proposal, canonical, part, still, None)
@@ -272,12 +274,9 @@ def fit_final_step(
     simulated = proposals == "simulated"
     held = GARMENT_TYPES[LABELS[data.label]].region == "lower"
     if proposals == "best" and held and by_split["val"]:
-        errors = {
-            how: _error_mm(replace(step, simulated=how), sequences, by_split["val"], settings)
-            for how in (False, True)
-        }
-        LOGGER.info("skinned proposals: %.1f mm, simulated ones: %.1f mm", *errors.values())
-        simulated = errors[True] < errors[False]
+        skinned_mm, simulated_mm = _errors_mm(step, sequences, by_split["val"], settings)
+        LOGGER.info("skinned proposals: %.1f mm, simulated ones: %.1f mm", skinned_mm, simulated_mm)
+        simulated = simulated_mm < skinned_mm
     return replace(step, simulated=simulated)
 
 
@@ -311,17 +310,21 @@ def _fit_correction(
     return regression
 
 
-def _error_mm(
+def _errors_mm(
     step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess], settings: RefineSettings
-) -> float:
-    """M2 over the sequences of guesses."""
+) -> tuple[float, float]:
+    """M2 over the sequences of guesses, with skinned and with simulated proposals."""
     data = sequences.data
+    ways = [replace(step, simulated=simulated) for simulated in (False, True)]
     errors = []
     for guess in progress(guesses, label="proposals"):
         seen = seen_sequence(sequences, guess.sequence, guess.labels)
-        laid = step(data.space.vertices(guess.alpha), seen, settings)
-        errors.append(vertex_error_mm(laid.final, data.garment[data.rows(guess.sequence)]))
-    return float(np.mean(errors))
+        canonical = step.correct(data.space.vertices(guess.alpha), seen)
+        true = data.garment[data.rows(guess.sequence)]
+        laid = (way.lay(canonical, seen, settings).final for way in ways)
+        errors.append([vertex_error_mm(final, true) for final in laid])
+    skinned_mm, simulated_mm = np.mean(errors, axis=0).tolist()
+    return skinned_mm, simulated_mm
 
 
 def training_worn_statistics(

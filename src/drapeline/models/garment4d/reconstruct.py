@@ -30,6 +30,7 @@ from drapeline.models.garment4d.data import (
     ShapedBody,
     proposals,
     skinning_weights,
+    spread_rows,
 )
 from drapeline.models.garment4d.final_step import Guess, LaidGarment, Seen
 from drapeline.models.garment4d.settings import SkinningSettings
@@ -264,7 +265,7 @@ def guess_all(stage: CanonicalStage, sequences: BodySequences) -> Iterator[Guess
     data = sequences.data
     known = stage.out_of_fold_alpha
     chosen = [s for s in data.of_split("train") if str(data.name[s]) in known]
-    for sequence in [*chosen, *_spread(data.of_split("val", (SIMULATED,)))]:
+    for sequence in [*chosen, *spread_rows(data.of_split("val", (SIMULATED,)), _CHOSEN_ON)]:
         rows = data.rows(sequence)
         found = estimate(stage, data.points[rows], data.poses[rows], sequences.body(sequence))
         assert found.labels is not None  # PN++ is no part of a posed stage
@@ -275,12 +276,6 @@ def guess_all(stage: CanonicalStage, sequences: BodySequences) -> Iterator[Guess
             data.space.coefficients(first) if alpha is None else alpha.numpy(),
             found.labels,
         )
-
-
-def _spread(sequences: np.ndarray) -> np.ndarray:
-    """At most `_CHOSEN_ON` of some sequences."""
-    rows = np.linspace(0, len(sequences) - 1, min(len(sequences), _CHOSEN_ON))
-    return sequences[rows.round().astype(int)]
 
 
 def body_frames(body: ShapedBody, poses: np.ndarray) -> BodyFrames:
