@@ -46,7 +46,7 @@ HEAT_SPAN_MM = 80.0
 STEP_COLUMNS = (
     "(a) input cloud",
     "(b) canonical garment",
-    "(c) interpolated LBS",
+    "(c) proposal",
     "(d) reconstruction",
     "(e) ground truth",
     "error of (c)",
@@ -100,14 +100,14 @@ def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequenc
 
 
 def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1000 / 15) -> None:
-    """Animate a sequence: input, interpolated LBS, reconstruction, ground truth.
+    """Animate a sequence: input, proposal, reconstruction, ground truth.
 
     Args:
         path: the animated PNG.
         case: shown whole, from the side that its wearer faces in the first frame.
         frame_ms: time that each frame is shown, in milliseconds.
     """
-    columns = ("input cloud", "interpolated LBS", "reconstruction", "ground truth")
+    columns = ("input cloud", "proposal", "reconstruction", "ground truth")
     first = Scene(front=facing_direction(case.root_rotation[0]))
     highest = case.body + [0, 0, 1] * case.root_height[:, None, None]
     first = fit_scene(replace(first, floor_z=0.0), [highest.reshape(-1, 3)], _MOVING_SIZE)
