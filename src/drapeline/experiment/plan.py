@@ -65,7 +65,9 @@ def plan_moving(
         sample = f"{prefix}{number + 1:05d}"
         piece = pieces(number, sample)
         split = splits[piece.sequence]
-        plans.append(SamplePlan(sample, *dressing.next_in(split), split, **piece._asdict()))
+        plans.append(
+            SamplePlan(sample, *dressing.next_in(split, piece.sequence), split, **piece._asdict())
+        )
     return plans
 
 
@@ -149,6 +151,7 @@ class _Dressing:
         self._wardrobe = wardrobe
         self._allowed = self._types(males=False)
         self._used: Counter[tuple[str, str, int]] = Counter()
+        self._moved: Counter[tuple[str | None, str]] = Counter()
         self._members: Counter[str] = Counter()
 
     def _types(self, *, males: bool) -> dict[str, list[str]]:
@@ -157,11 +160,13 @@ class _Dressing:
             wardrobe.outfit_types, male_skirts=wardrobe.male_skirts, males=males
         )
 
-    def next_in(self, split: str) -> tuple[str, str]:
-        """Gender and outfit type of the next sample of a split.
+    def next_in(self, split: str, clip: str | None = None) -> tuple[str, str]:
+        """Gender and outfit type of the next sample of a split, which moves through a clip.
 
-        It wears what its split has used least so far. Small splits then wear the first types of
-        the list, so that a garment type which is tested was trained too.
+        It wears what its split has used least so far; of equals, what its clip has moved least.
+        Clips and types, which both come in turn, would otherwise fall into step: each type would
+        see some of the clips only. Small splits wear the first types of the list, so that a garment
+        type which is tested was trained too.
         """
         gender = GENDERS[0 if is_female(self._members[split], self._wardrobe.female_share) else 1]
         self._members[split] += 1
@@ -174,8 +179,9 @@ class _Dressing:
             if outfit_type in self._allowed[gender]:
                 places.append((split, outfit_type, seen[outfit_type]))
             seen[outfit_type] += 1
-        place = min(places, key=self._used.__getitem__)
+        place = min(places, key=lambda one: (self._used[one], self._moved[clip, one[1]]))
         self._used[place] += 1
+        self._moved[clip, place[1]] += 1
         return gender, place[1]
 
 

@@ -17,7 +17,7 @@ from drapeline.experiment.plan import (
     split_clips,
 )
 from drapeline.frames import GENDERS
-from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, SKIRTS
+from drapeline.outfits.garment_types import CLOTH3D_OUTFITS, GARMENTS, OUTFIT_TYPES, SKIRTS
 
 FRAMES = {"walk": 120, "run": 125, "jump": 60, "crawl": 70, "spin": 130}
 MOTIONS = {
@@ -32,6 +32,7 @@ WARDROBE = Wardrobe(2 / 3, OUTFIT_TYPES, male_skirts=False)
 # All garments equally often.
 EVEN = [*OUTFIT_TYPES, "Dress", "Jumpsuit"]
 SHARES = {"val": 0.15, "test": 0.2}
+NONE_HELD = {"val": 0.0, "test": 0.0}
 
 counts = st.integers(1, 60)
 seeds = st.integers(0, 2**32)
@@ -110,6 +111,20 @@ def test_genders_are_not_tied_to_the_clips_that_samples_take_turns_over():
     for period in range(2, 12):
         for place in range(period):
             assert 0 < sum(is_female(place + period * turn, 2 / 3) for turn in range(12)) < 12
+
+
+@pytest.mark.parametrize("share", [0.5, 2 / 3, 1.0])
+@pytest.mark.parametrize("count", [4, 6, 8, 12])
+def test_outfits_do_not_fall_into_step_with_the_clips_that_samples_take_turns_over(share, count):
+    clips = {f"clip{number}": 200 for number in range(count)}
+    wardrobe = Wardrobe(share, CLOTH3D_OUTFITS, male_skirts=False)
+    seen = {}
+    for sample in plan(
+        count=10 * count, clips=clips, wanted=NONE_HELD, wardrobe=wardrobe, **ANYWHERE
+    ):
+        for garment in sample.outfit_type.split("+"):
+            seen.setdefault(garment, set()).add(sample.sequence)
+    assert all(len(moved_by) >= count - 1 for moved_by in seen.values())
 
 
 @pytest.mark.parametrize("seed", range(5))
