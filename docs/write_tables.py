@@ -47,7 +47,7 @@ PREDICTED = (
     *("wrinkle_mlp", "dynamic_ppca_prior", "dvae_unposed_4_prior", "wrinkle_ridge"),
     *("skinned_mean", "skinned_static", "skinned_mean_garment", *FLOOR),
 )
-POSED = ("lbs", "untrained", "mgn", "posed", "ours")
+POSED = ("lbs", "untrained", "mgn", "posed", "ours_proposals", "ours")
 ORACLES = ("ours_true_labels", "ours_true_rest")
 HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")
 SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
@@ -64,12 +64,14 @@ METRIC_TABLES = {
     "predicted": MetricTable(PREDICTED, (*ERRORS, "inside_share"), count=""),
     "predicted_by_type": by_type(PREDICTED, ["surface_error_mm"], GARMENTS),
     "canonical": by_type(
-        ("canonical", "regression", "pointnet", "ours", "mean_garment", "pca"),
+        ("canonical", "pointnet", "regression", "ours", "mean_garment", "pca"),
         ["canonical_error_mm"],
         TEMPLATE_TYPES,
     ),
     "labels": by_type(
-        ("canonical", "label_by_vertex", "one_label"), ["segmentation_accuracy"], TEMPLATE_TYPES
+        ("canonical", "label_by_vertex", "one_label", "ours"),
+        ["segmentation_accuracy"],
+        TEMPLATE_TYPES,
     ),
     "posed": by_type((*POSED, *ORACLES), ["vertex_error_mm"], TEMPLATE_TYPES),
     "posed_surface": by_type(POSED, ["predicted_to_true_mm"], TEMPLATE_TYPES),

@@ -7,7 +7,7 @@ from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.reconstruct import ReconstructionModel
+from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.scans import reconstruct_scans
 from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import rule_log
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     given, params, made = snakemake.input, snakemake.params, snakemake.output
-    model = ReconstructionModel(given.model)
+    model = OurModel(given.model)
+    model.refining = RefineSettings(**params.refine)
     bodies = model.bodies.models
     scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
     body = scans.body
-    refining = RefineSettings(**params.refine)
-    found = reconstruct_scans(scans, model, refining, name=given.points, seed=params.seed)
+    found = reconstruct_scans(scans, model, name=given.points, seed=params.seed)
     write_metrics(made.metrics, found.rows)
     found.shown.save(made.shown)
     write_reconstruction(
@@ -35,10 +35,6 @@ with rule_log(snakemake.log[0]) as log:
             gender=body.gender,
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
-        [
-            GarmentAnimation(
-                params.garment, Mesh(found.canonical, model.stage.space.faces), found.final
-            )
-        ],
+        [GarmentAnimation(params.garment, Mesh(found.canonical, model.space.faces), found.final)],
     )
     log.info("%s in %d frames", params.garment, len(found.final))

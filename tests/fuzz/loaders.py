@@ -65,13 +65,13 @@ from drapeline.metrics.predictions import (
     save_fitted_scans,
 )
 from drapeline.metrics.table import read_metrics, write_metrics
-from drapeline.models.garment4d.final_step import fit_final_step
+from drapeline.models.garment4d.ours.labels import LabelStage
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     PosedStage,
-    load_posed_files,
+    load_seen_forms,
     load_stage,
-    save_posed_files,
+    save_seen_forms,
 )
 from drapeline.models.gcvae.codec import load_codes
 from drapeline.models.gcvae.load import load_codec, load_training_codes
@@ -104,7 +104,6 @@ from drapeline.outfits.settings import own_garments
 from drapeline.outfits.static import load_static
 from drapeline.outfits.templates import build_templates, load_templates
 from drapeline.outfits.user_garment import load_user_garment
-from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment
 from drapeline.registration.to_body.hierarchy import Hierarchy, load_hierarchy, save_hierarchy
 from drapeline.registration.to_body.topology import (
@@ -123,7 +122,8 @@ from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_rows
 from fuzz.runs import Loader
 from toys.bodies import toy_body
-from toys.garment4d import CANONICAL, POSED, open_toy_data, save_toy_data
+from toys.garment4d import CANONICAL, LABELLING, POSED, open_toy_data, save_toy_data
+from toys.garment4d_stages import build_canonical, fit_toy_model
 from toys.gcvae import toy_template
 from toys.gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
 from toys.metric_rows import metric_row, metric_table
@@ -553,7 +553,7 @@ def _use_sequences(folder: Path) -> None:
     _ = data.originals
     data.windows("train", 3, 1)
     data.label_share("train")
-    data.clouds(0, body_relative_points=True)
+    data.arrays()
 
 
 # ---- models ---------------------------------------------------------------------------------
@@ -635,19 +635,18 @@ def _make_samples(folder: Path) -> None:
 
 
 def _make_stages(folder: Path) -> None:
-    """Untrained stages of Garment4D."""
+    """Untrained stages of Garment4D, and our model with labels that are not trained either."""
     save_toy_data(folder / "data", body())
     sequences = open_toy_data(folder / "data", body(), 30)
-    canonical = CanonicalStage(
-        CanonicalStage.SETTINGS(**CANONICAL), sequences.data.space, sequences.data.label
-    )
+    canonical = build_canonical(sequences, CANONICAL)
     posed = PosedStage(PosedStage.SETTINGS(**POSED), canonical)
-    for name, stage in (("canonical", canonical), ("posed", posed)):
+    labels = LabelStage(LabelStage.SETTINGS(**LABELLING))
+    for name, stage in (("canonical", canonical), ("posed", posed), ("labels", labels)):
         out = folder / name
         out.mkdir()
         write_checkpoint(out / BEST, stage.state_dict(), stage.checkpoint_metadata())
-    step = fit_final_step(sequences, posed.settings.skinning, [], RefineSettings(), "skinned")
-    save_posed_files(out, sequences, step)
+    save_seen_forms(folder / "posed", sequences)
+    fit_toy_model(folder / "ours", folder / "labels", sequences)
 
 
 def _make_field_model(folder: Path) -> None:
@@ -987,13 +986,14 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader("codes", _make_codes, lambda f: load_codes(f / "codes.npz"))
     yield Loader("sampled_garments", _make_samples, load_samples)
-    yield Loader("reconstruction_model", _make_stages, lambda f: load(f / "posed"), "posed/*")
     yield Loader(
-        "posed_files",
-        _make_stages,
-        lambda f: load_posed_files(f / "posed", load_stage(f / "posed", PosedStage)),
-        "posed/*.npz",
+        "label_stage", _make_stages, lambda f: load_stage(f / "labels", LabelStage), "labels/*"
     )
+    for name in ("posed", "ours"):
+        yield Loader(
+            f"{name}_model", _make_stages, lambda f, name=name: load(f / name), f"{name}/*"
+        )
+    yield Loader("seen_forms", _make_stages, lambda f: load_seen_forms(f / "posed"), "posed/*.npz")
     yield Loader("fitting_model", _make_field_model, lambda f: load(f / "skirt"), "skirt/*")
     yield Loader(
         "field_checkpoint", _make_field_model, lambda f: load_field(f / "skirt"), f"skirt/{BEST}"

@@ -12,8 +12,8 @@ from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import GarmentSequence, SequenceData, collect_sequences
-from drapeline.models.garment4d.canonical import MapRegression
 from drapeline.models.garment4d.data import BodySequences, BodySet
+from drapeline.models.garment4d.ours.body_maps import MapRegression
 from drapeline.outfits.garment_types import LABELS
 from drapeline.seeding import rng_for
 from toys.tiny_sample import tube
@@ -83,7 +83,7 @@ def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
 
 
 def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
-    """What the rule `collect_garment4d` leaves."""
+    """What the task `collect_data` leaves."""
     sequences = toy_sequences(body)
     collect_sequences(folder, GARMENT, sequences, skirt_faces(), 3, toy_bodies(body))
     return sequences
@@ -111,26 +111,25 @@ def fill_regression(regression: MapRegression) -> None:
 
 
 # Settings of trainings that take seconds and still learn something.
-CANONICAL = {
-    "network": {
-        "width": 1,
-        "points": 6890,
-        "layers": {
-            "segmentation": [
-                {"centres": 40, "radii": [0.2], "neighbours": [8], "widths": [[8, 16]]},
-                {"centres": 12, "radii": [0.4], "neighbours": [8], "widths": [[16, 16]]},
-            ],
-            "propagation": [[16], [16]],
-            "garment": [
-                {"centres": 24, "radii": [0.3], "neighbours": [8], "widths": [[16, 16]]},
-                {"centres": 8, "radii": [0.6], "neighbours": [8], "widths": [[16, 16]]},
-            ],
-            "overall": [32],
-            "head": [16],
-        },
-        "garment_points": 60,
-        "body_relative_points": True,
+_NETWORK = {
+    "width": 1,
+    "points": 6890,
+    "layers": {
+        "segmentation": [
+            {"centres": 40, "radii": [0.2], "neighbours": [8], "widths": [[8, 16]]},
+            {"centres": 12, "radii": [0.4], "neighbours": [8], "widths": [[16, 16]]},
+        ],
+        "propagation": [[16], [16]],
+        "garment": [
+            {"centres": 24, "radii": [0.3], "neighbours": [8], "widths": [[16, 16]]},
+            {"centres": 8, "radii": [0.6], "neighbours": [8], "widths": [[16, 16]]},
+        ],
+        "overall": [32],
+        "head": [16],
     },
+}
+CANONICAL = {
+    "network": {**_NETWORK, "garment_points": 60},
     "loss": {"segmentation": 0.5, "interpenetration": 0.0, "balance": 0.5},
     "training": {
         "epochs": 12,
@@ -142,8 +141,11 @@ CANONICAL = {
         "sources": ["simulated", "skinned"],
     },
 }
-# As the paper has it.
-PLAIN = {**CANONICAL, "network": {**CANONICAL["network"], "body_relative_points": False}}
+LABELLING = {
+    "network": _NETWORK,
+    "loss": {"balance": 0.5},
+    "training": {**CANONICAL["training"], "learning_rate": 0.02},
+}
 POSED = {
     "network": {
         "iterations": 2,

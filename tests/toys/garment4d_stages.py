@@ -1,14 +1,35 @@
 """Short trainings of Garment4D on toy skirts, and batches of what they are trained on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+from drapeline.job import Job
 from drapeline.models.garment4d.data import BodySequences, Windows
-from drapeline.models.garment4d.stages import CanonicalStage, Stage
+from drapeline.models.garment4d.ours.final_step import fit_final_step
+from drapeline.models.garment4d.ours.labels import LabelStage
+from drapeline.models.garment4d.ours.model import (
+    Guesser,
+    fit_regression,
+    guess_all,
+    save_our_model,
+)
+from drapeline.models.garment4d.ours.train import train_labels
+from drapeline.models.garment4d.settings import SkinningSettings
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    GarmentStage,
+    PosedStage,
+    load_stage,
+    save_seen_forms,
+)
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.lightning import TrainingRun
+from drapeline.registration.settings import RefineSettings
+from toys.garment4d import LABELLING, POSED
 from toys.threads import THREADS
 
 
@@ -22,17 +43,54 @@ def build_canonical(
 
 
 def train_toys(
-    folder: Path, name: str, stage: Stage, sequences: BodySequences, *, precision: str = "32-true"
+    folder: Path,
+    name: str,
+    stage: GarmentStage,
+    sequences: BodySequences,
+    *,
+    precision: str = "32-true",
 ) -> Path:
     """Train a stage; the folder `name` that it leaves."""
     trainer = {"accelerator": "cpu", "precision": precision}
     progress = folder / ".progress" / name
     run = TrainingRun(folder / name, progress, "c", THREADS, trainer)
-    train_stage(stage, sequences, run)
+    posed = isinstance(stage, PosedStage)
+    complete = partial(save_seen_forms, sequences=sequences) if posed else None
+    train_stage(stage, sequences, run, complete)
     return folder / name
 
 
-def stage_windows(stage: Stage, sequences: BodySequences) -> Windows:
+def train_toy_labels(
+    folder: Path,
+    name: str,
+    data: Sequence[Path],
+    values: Mapping[str, Mapping[str, Any]] = LABELLING,
+) -> Path:
+    """Train the labels of our model on folders of sequences; the folder `name` that it leaves."""
+    params = SimpleNamespace(settings=values, trainer={"accelerator": "cpu"})
+    progress = str(folder / ".progress" / name)
+    train_labels(Job(SimpleNamespace(data=data), [folder / name], params, THREADS, "c", progress))
+    return folder / name
+
+
+def fit_toy_model(folder: Path, labels: Path, sequences: BodySequences) -> Path:
+    """Fit our model to sequences; the folder that it is saved in."""
+    guesser = toy_guesser(load_stage(labels, LabelStage), sequences)
+    known = fit_regression(guesser, sequences.data)
+    guesses = guess_all(guesser, sequences, known)
+    skinning = SkinningSettings(**POSED["skinning"])
+    step = fit_final_step(sequences, skinning, guesses, RefineSettings(), "skinned")
+    folder.mkdir(parents=True)
+    save_our_model(folder, guesser, step, sequences)
+    return folder
+
+
+def toy_guesser(labels: LabelStage, sequences: BodySequences) -> Guesser:
+    """First guesses for sequences, whose regression is not fitted yet."""
+    return Guesser(labels, sequences.data.space, sequences.data.label)
+
+
+def stage_windows(stage: GarmentStage, sequences: BodySequences) -> Windows:
     """Windows that a stage is trained on."""
     training = stage.settings.training
     return Windows(
@@ -40,11 +98,10 @@ def stage_windows(stage: Stage, sequences: BodySequences) -> Windows:
         frames=training.frames,
         stride=training.stride,
         most_validated=stage.MOST_VALIDATED,
-        body_relative_points=stage.body_relative_points,
     )
 
 
-def batch_of(stage: Stage, sequences: BodySequences, split: str) -> Batch:
+def batch_of(stage: GarmentStage, sequences: BodySequences, split: str) -> Batch:
     """All windows of a split as a stage is given them."""
     windows = stage_windows(stage, sequences)
     return as_tensors(windows.batch(windows.rows(split)))

@@ -118,7 +118,7 @@ SHARED_BY_MODELS = {
 SHARED_BY_MODELS["contract"] = {"contract"}
 SHARED_BY_MODELS["registry"] = {"registry"}
 SHARED_BY_MODELS["compare"] = {"contract", "compare"}
-SHARED_BY_MODELS["load"] = {"registry", "training", "garment4d"}
+SHARED_BY_MODELS["load"] = {"registry", "training"}
 
 
 def test_models_share_layers_and_training_and_nothing_else():

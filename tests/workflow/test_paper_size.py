@@ -32,7 +32,7 @@ PRINTED = {
     "gcvae.sampling": {"settle": False},
     "garment4d.clouds": {"points": 6890},
     "garment4d.skinning": {"neighbours": 256, "passes": 100, "power": 1},
-    "garment4d.canonical.network": {"width": 1, "body_relative_points": False},
+    "garment4d.canonical.network": {"width": 1},
     "garment4d.canonical.loss": {
         **{"segmentation": 0.05, "coefficients": 0.001, "vertices": 40, "interpenetration": 50},
         **{"laplacian": 1, "laplacian_form": "paper", "balance": 0},

@@ -42,7 +42,7 @@ TASKS = {
 # Whose garments hang, or are simulated.
 SIMULATED = {
     *("smplicit/evaluated/images", "smplicit/evaluated/scans", "gcvae/evaluated/dynamic_floor"),
-    *("garment4d/Skirt/posed", "garment4d/evaluated/Skirt", "garment4d/evaluated/Skirt_ablations"),
+    *("garment4d/Skirt/ours", "garment4d/evaluated/Skirt", "garment4d/evaluated/Skirt_ablations"),
     "garment4d/evaluated/scans",
     *(f"smplicit/pose_smplicit_{name}" for name in ("upper", "trousers", "skirt", "whole")),
 }

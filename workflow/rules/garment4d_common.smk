@@ -1,7 +1,7 @@
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.models.garment4d.plan import PROTOCOLS, Garment4dFiles
 
-GARMENT4D = Garment4dFiles(FILES)
+GARMENT4D = Garment4dFiles(FILES.learned_by("garment4d"))
 RECONSTRUCT = config["garment4d"]["reconstruct"]
 
 

@@ -4,7 +4,7 @@ RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"
 rule reconstruct_garment:
     input:
         unpack(own_scans),
-        model=f"{GARMENT4D.folder}/{RECONSTRUCT['garment']}/posed",
+        model=f"{GARMENT4D.folder}/{RECONSTRUCT['garment']}/ours",
     output:
         sample=directory(RECONSTRUCTED),
         metrics=f"{RESULTS}/metrics/reconstructed_{RECONSTRUCT['garment']}.tsv",

@@ -1,3 +1,7 @@
+# Garments are registered to the super-body for GCVAE, whose data others are compared on.
+REGISTERED = FILES.learned_by("gcvae")
+
+
 wildcard_constraints:
     version="posed|unposed",
 
@@ -5,7 +9,7 @@ wildcard_constraints:
 rule collect_static:
     input:
         **FILES.super_bodies,
-        registrations=per_shard(REGISTRATION, RESTING),
+        registrations=per_shard(REGISTRATION, REGISTERED.resting),
     output:
         directory(FILES.static),
     log:
@@ -16,8 +20,8 @@ rule collect_static:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=memory(300 * FILES.static_size),
-        runtime=minutes(2 * FILES.static_size),
+        mem_mb=memory(300 * REGISTERED.static_size),
+        runtime=minutes(2 * REGISTERED.static_size),
     params:
         code=source_hash("collect_static"),
     script:
@@ -27,7 +31,7 @@ rule collect_static:
 rule collect_dynamic:
     input:
         **FILES.super_bodies,
-        **FILES.registered_samples,
+        **REGISTERED.registered_samples,
     output:
         directory(FILES.dynamic("{version}")),
     log:
@@ -38,8 +42,8 @@ rule collect_dynamic:
         "../../envs/train.yaml"
     threads: 1
     resources:
-        mem_mb=memory(600 + 50 * FILES.moving_size),
-        runtime=minutes(6 * FILES.moving_size),
+        mem_mb=memory(600 + 50 * REGISTERED.moving_size),
+        runtime=minutes(6 * REGISTERED.moving_size),
     params:
         frame_step=lookup(dpath="gcvae/dvae/frame_step", within=config),
         code=source_hash("collect_dynamic"),

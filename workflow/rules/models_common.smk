@@ -1,5 +1,12 @@
 # The models' plans, and what the rules of their tasks ask of them.
-PLANS = {name: model.plan(FILES) for name, model in MODELS.items()}
+for unknown in [
+    f"groups.{group}.learned_by names '{name}', expected some of {', '.join(MODELS)}"
+    for group, settings in config["groups"].items()
+    for name in settings["learned_by"] or ()
+    if name not in MODELS
+]:
+    raise WorkflowError(unknown)
+PLANS = {name: model.plan(FILES.learned_by(name)) for name, model in MODELS.items()}
 FIGURES = {
     name: (model, figure)
     for model, plan in PLANS.items()

@@ -1,7 +1,7 @@
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.models.smplicit.plan import SmplicitFiles
 
-SMPLICIT = SmplicitFiles(FILES)
+SMPLICIT = SmplicitFiles(FILES.learned_by("smplicit"))
 SEGMENTED = config["smplicit"]["scans"]
 # Where the fields of each garment type are defined.
 FIELD_BOXES = {

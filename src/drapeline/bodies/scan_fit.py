@@ -1,4 +1,6 @@
-"""The body in a segmented scan: pose, place and shape by least squares (SMPLicit 4.2).
+"""The body in a segmented scan or a sequence of them: pose, place and shape by least squares.
+
+A single scan is fitted as in SMPLicit 4.2.
 
 The paper minimises the Chamfer distance between scan and body, the distance between joints and
 predicted ones, and a prior. The points of a segmented scan are known to be skin or cloth, so here
@@ -8,10 +10,14 @@ close to its first estimate, and its shape close to the mean.
 Absolute distances are minimised as weighted squares, by damped Gauss-Newton steps.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.kinematics import axis_angle_to_matrix
+from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import PLACE, SHAPE, TURNS, UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.settings import BodyFit
 from drapeline.geometry.closest import closest_points
@@ -21,6 +27,12 @@ from drapeline.geometry.mesh import barycentric, face_normals, vertex_normals
 _REACH_M = 0.1  # skin further from the scan has not been seen
 _GAP_M = 0.003  # cloth is this far off the skin
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
+# Of the fit to a sequence.
+_FITTED_FRAMES, _FITTED_POINTS, _FITTED_STEPS = 12, 400, 20
+_FITTED_WEIGHT = 2e5  # of its points, by their mean absolute distance
+_REACHES_M = 0.05, 0.003  # of points that may be cloth, from the first step to the last
+_TURN_RAD, _SHAPE, _PLACE_M = 0.05, 0.5, 0.01  # how far it is from the estimate
+_MEASURED_FRAMES, _EXACT_M, _SKIN_SHARE = 5, 0.001, 0.1
 
 
 class BodyTerms:
@@ -122,6 +134,89 @@ def fit_body(
         add(equations, MovedBody(model, state))
         state = state.step(equations.step())
     return state
+
+
+class FittedSequence(NamedTuple):
+    """A body through a sequence."""
+
+    poses: np.ndarray  # (F, 72) rad
+    shape: np.ndarray  # (10,)
+    shift: np.ndarray  # (3,) of the root joint, metres
+
+
+def fit_sequence(
+    model: BodyModel,
+    points: np.ndarray,
+    skin: np.ndarray | None,
+    poses: np.ndarray,
+    shape: np.ndarray,
+    rng: np.random.Generator,
+) -> FittedSequence:
+    """A body whose estimate is off in the same way in all frames.
+
+    Every joint is turned by the same small rotation in the frame of its parent, as estimates of
+    poses are off that come from one method, and as markers are off that sit on one person. Some
+    points of some frames decide. Points of skin come to lie on the body, and cloth outside it.
+    Where it is not known what is skin, points count the less the farther outside the body they
+    are, and from step to step those far outside lose their say.
+
+    Args:
+        points: (F, P, 3) metres, relative to the root joint as estimated.
+        skin: (F, P) whether each is skin, and cloth otherwise; None if that is not known.
+        poses: (F, 72) estimated, rad.
+        shape: (10,) estimated.
+    """
+    frames = _spread(len(poses), _FITTED_FRAMES)
+    chosen = [_some(points.shape[1], _FITTED_POINTS, rng) for _ in frames]
+    clouds = [points[f][some].astype(np.float64) for f, some in zip(frames, chosen, strict=True)]
+    labels = [None if skin is None else skin[f][s] for f, s in zip(frames, chosen, strict=True)]
+    first = [BodyState.of(poses[frame], np.zeros(3), shape) for frame in frames]
+    states = first
+    for reach_m in np.geomspace(*_REACHES_M, _FITTED_STEPS):
+        equations = LeastSquares(UNKNOWNS)
+        for cloud, is_skin, state in zip(clouds, labels, states, strict=True):
+            body = MovedBody(model, state)
+            place, normal, corners, share = _on_surface(cloud, body)
+            height = np.einsum("pi,pi->p", cloud - place, normal)
+            if is_skin is None:
+                counted = (1 + (np.maximum(height, 0) / reach_m) ** 2) ** -2
+            else:
+                counted = (is_skin | (height < 0)).astype(float)
+            slopes = body.slopes(body.points_of_faces(corners, share), normal)
+            weights = counted * absolute_weights(height, _FLOOR_M) / len(cloud)
+            equations.add(slopes, -height, _FITTED_WEIGHT * weights)
+        begun, now = first[0], states[0]
+        for part, away, deviation in (
+            (TURNS, now.turns_from(begun), _TURN_RAD),
+            (SHAPE, now.shape - begun.shape, _SHAPE),
+            (PLACE, now.trans, _PLACE_M),
+        ):
+            equations.add_prior(part, away, len(frames) / deviation**2)
+        change = equations.step()
+        states = [state.step(change) for state in states]
+    turned = axis_angle_to_matrix(states[0].turns_from(first[0]).reshape(24, 3))
+    rotations = axis_angle_to_matrix(np.asarray(poses, dtype=np.float64).reshape(-1, 24, 3))
+    found = Rotation.from_matrix((turned @ rotations).reshape(-1, 3, 3)).as_rotvec()
+    return FittedSequence(found.reshape(len(poses), 72), states[0].shape, states[0].trans)
+
+
+def is_exact(model: BodyModel, points: np.ndarray, poses: np.ndarray, shape: np.ndarray) -> bool:
+    """Whether the body of a sequence lies within its points as exactly as skin shows.
+
+    Somewhere there is skin, and be it face and hands: a tenth of the points are within a
+    millimetre of an exact body. See `fit_sequence` for the arguments.
+    """
+    near = []
+    for frame in _spread(len(poses), _MEASURED_FRAMES):
+        posed = posed_vertices(model, shape, poses[frame][None])[0][0]
+        place, _ = closest_points(points[frame], posed, model.faces)
+        near.append(np.linalg.norm(place - points[frame], axis=1) < _EXACT_M)
+    return bool(np.mean(near) >= _SKIN_SHARE)
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """Frames, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, wanted)).round().astype(int))
 
 
 def _on_surface(

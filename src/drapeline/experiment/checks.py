@@ -60,10 +60,10 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
             f"smplicit.meshing.threshold_m is {threshold}, expected less than"
             f" smplicit.loss.d_max_m, which is {clip}: the field tells no greater distance"
         )
-    for stage in ("canonical", "posed", "mgn"):
+    for stage in ("labels", "canonical", "posed", "mgn"):
         training = settings["garment4d"][stage]["training"]
         strides = {f"garment4d.{stage}.training.stride": training["stride"]}
-        if stage != "canonical":
+        if stage in ("posed", "mgn"):
             strides["garment4d.evaluation.stride"] = settings["garment4d"]["evaluation"]["stride"]
         for key, stride in strides.items():
             if stride > training["frames"]:

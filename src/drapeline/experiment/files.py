@@ -1,7 +1,7 @@
 """Where the files of an experiment are, and which samples there will be."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -101,6 +101,16 @@ class ExperimentFiles:
     def dynamic(self, version: str) -> str:
         """Registered garments in motion, with offsets that are "posed" or "unposed"."""
         return f"{self.results}/dynamic/{version}"
+
+    def learned_by(self, model: str) -> "ExperimentFiles":
+        """The same without the groups that a model neither learns from nor is tested on."""
+        asked = {name: self.config["groups"][name]["learned_by"] for name in self.groups}
+        groups = {
+            name: group
+            for name, group in self.groups.items()
+            if asked[name] is None or model in asked[name]
+        }
+        return replace(self, groups=groups)
 
     def metrics(self, table: str) -> str:
         """The table of metrics that evaluations name."""

@@ -201,6 +201,9 @@ OwnOutfits = _overrides("outfits", Outfits)
 OwnSimulation = _overrides("simulation.settings", SimulationSettings)
 
 
+_ModelName = Annotated[str, Field(min_length=1)]
+
+
 class Group(Settings):
     """Samples that are made alike."""
 
@@ -235,6 +238,13 @@ class Group(Settings):
         None,
         description=(
             "What ids of samples begin with, before their number; null takes the name of the group."
+        ),
+    )
+    learned_by: Annotated[tuple[_ModelName, ...], EachOnce()] | None = Field(
+        None,
+        description=(
+            "Models that learn from the samples and are tested on them, such as [garment4d]; null "
+            "means all."
         ),
     )
     published: bool = Field(

@@ -142,6 +142,6 @@ def collect(job: Job) -> None:
         ],
         load_template(given.template).faces,
         params.components,
-        load_bodies(given) if params.body_relative_points else None,
+        load_bodies(given),
     )
     LOGGER.info("%d frames", frames)

@@ -22,6 +22,7 @@ from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.outfits.garment_types import GARMENTS, LABELS
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
 from drapeline.storage import (
     ArrayFiles,
     atomic_folder,
@@ -42,7 +43,17 @@ _PER_SEQUENCE = {
     "canonical": "float s n 3",
     "coefficients": "float s d",
 }
-_ARRAYS = {"points": "float f p 3", "labels": "int f p", "garment": "float f n 3"}
+_ARRAYS = {
+    "points": "float f p 3",
+    "labels": "int f p",
+    "garment": "float f n 3",
+    "on_body": "float f p 4",
+    "on_inexact_body": "float f p 4",
+}
+# Bodies are inexact by a share of these, drawn for each sequence: standard deviations of pose
+# parameters in rad, shape coefficients, and the position of the root joint in metres. It is what a
+# fit to points without labels leaves of twice as much.
+_POSE_NOISE_RAD, _SHAPE_NOISE, _ROOT_NOISE_M = 0.04, 0.4, 0.01
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,7 @@ def collect_sequences(
     sequences: Sequence[GarmentSequence],
     faces: np.ndarray,
     components: int,
-    bodies: Mapping[str, BodyModel] | None = None,
+    bodies: Mapping[str, BodyModel],
 ) -> int:
     """Write all sequences of a type as arrays, and the shape space of the training garments.
 
@@ -81,8 +92,8 @@ def collect_sequences(
         output: folder, replaced as a whole.
         faces: (F, 3) of the type's template.
         components: D of the space; fewer where there are few garments.
-        bodies: whole, by gender, to write body-relative points too; None if no network is given
-            them.
+        bodies: whole, by gender, which points are told a place on: once as they are, and once off
+            by noise on pose, shape and root, the same in all frames of a sequence.
 
     Returns:
         Number of frames written.
@@ -136,7 +147,7 @@ def collect_sequences(
 def _write_clouds_and_garments(
     folder: Path,
     sequences: Sequence[GarmentSequence],
-    bodies: Mapping[str, BodyModel] | None,
+    bodies: Mapping[str, BodyModel],
     output: Path,
 ) -> None:
     """Write the arrays with a row per frame, one sequence at a time; `output` is for errors."""
@@ -145,16 +156,21 @@ def _write_clouds_and_garments(
         "points": (np.float32, (total, *first.points.shape[1:])),
         "labels": (np.uint8, (total, *first.labels.shape[1:])),
         "garment": (np.float32, (total, *first.canonical.shape)),
+        # Computing these takes longer than an epoch of training.
+        "on_body": (np.float32, (total, first.points.shape[1], 4)),
+        "on_inexact_body": (np.float32, (total, first.points.shape[1], 4)),
     }
-    if bodies:  # five jobs read these; computing them takes longer than an epoch of training
-        layouts["body_relative_points"] = (np.float32, (total, first.points.shape[1], 4))
     files = ArrayFiles(folder, layouts)
     for one in progress(sequences, label="sequences"):
         garment = one.garment()
         _refuse_unfinite(output, one, garment)
-        files.append(points=one.points, labels=one.labels, garment=garment)
-        if bodies:
-            files.append(body_relative_points=_body_relative_points(one, bodies))
+        files.append(
+            points=one.points,
+            labels=one.labels,
+            garment=garment,
+            on_body=_on_body(one, bodies[one.gender]),
+            on_inexact_body=_on_body(one, bodies[one.gender], inexact=True),
+        )
     files.flush()
 
 
@@ -175,10 +191,17 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
                 )
 
 
-def _body_relative_points(one: GarmentSequence, bodies: Mapping[str, BodyModel]) -> np.ndarray:
+def _on_body(one: GarmentSequence, body: BodyModel, *, inexact: bool = False) -> np.ndarray:
     """(T, P, 4) what `body_relative_points` adds, for the body as rounded in the files."""
     shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-    return body_relative_points(bodies[one.gender], shape, poses, one.points)[..., 3:]
+    points = one.points
+    if inexact:
+        rng = rng_for(0, "inexact body", one.name)
+        share = rng.random()
+        poses = poses + rng.normal(0, share * _POSE_NOISE_RAD, poses.shape[1])
+        shape = shape + rng.normal(0, share * _SHAPE_NOISE, len(shape))
+        points = points + rng.normal(0, share * _ROOT_NOISE_M, 3)
+    return body_relative_points(body, shape, poses, points)[..., 3:]
 
 
 def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
@@ -199,6 +222,8 @@ class SequenceData:
     Attributes:
         label: its code in `LABELS`.
         points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
+        on_body, on_inexact_body: (F, P, 4) places of points on the body and on one that is off, the
+            last columns of `body_relative_points`, memory-mapped.
         poses, trans: (F, 72) and (F, 3) of the root joint in the world.
         number: (F,) of the frames in the motion.
         name, source, split, clip, start, count: (S,) of the sequences; start is their first row.
@@ -215,7 +240,10 @@ class SequenceData:
         self.label = LABELS.index(self.garment_type)
         self.space = load_space(folder / "space.npz")
         arrays = open_arrays(folder, _ARRAYS, n=len(self.space.mean))
-        self.points, self.labels, self.garment = (arrays[key] for key in _ARRAYS)
+        self.points, self.labels, self.garment = (
+            arrays[key] for key in ("points", "labels", "garment")
+        )
+        self.on_body, self.on_inexact_body = arrays["on_body"], arrays["on_inexact_body"]
         frames = load_npz(
             folder / "frames.npz",
             {"poses": "float f 72", "trans": "float f 3", "sequence": "int f", "number": "int f"},
@@ -245,7 +273,7 @@ class SequenceData:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Every array by name, for a digest of the data."""
-        keys = ("points", "labels", "garment", "poses", "trans", "number", *_PER_SEQUENCE)
+        keys = (*_ARRAYS, "poses", "trans", "number", *_PER_SEQUENCE)
         own = {key: getattr(self, key) for key in keys}
         return own | {f"space/{key}": value for key, value in vars(self.space).items()}
 
@@ -301,19 +329,3 @@ class SequenceData:
                 )
             count += own
         return count / max(count.sum(), 1)
-
-    def clouds(
-        self, sequence: int, *, body_relative_points: bool, frames: slice = slice(None)
-    ) -> np.ndarray:
-        """(F, P, 3) points of frames of a sequence; (F, P, 7) if relative to the body as well."""
-        rows = self.rows(sequence)
-        points = self.points[rows][frames]
-        if not body_relative_points:
-            return points
-        return np.concatenate([points, self._body_relative_points[rows][frames]], axis=-1)
-
-    @cached_property
-    def _body_relative_points(self) -> np.ndarray:
-        form = {"body_relative_points": "float f p 4"}
-        frames, points, _ = self.points.shape
-        return open_arrays(self._folder, form, f=frames, p=points)["body_relative_points"]

@@ -3,6 +3,21 @@
 from drapeline.metrics.metric import Metric, Variant
 
 MODEL = "garment4d"
+# Models that are also given worse inputs, and how these are worse.
+COMPARED = {
+    "lbs": "Interpolated skinning",
+    "mgn": "MGN* (baseline)",
+    "posed": "Garment4D, posed stage",
+    "ours": "Ours",
+}
+DEGRADED = {
+    "undegraded": "the same sequences as they are",
+    "missing_*": "{} % of the points missing",
+    "accuracy_*": "given labels of which {} % are right",
+    "body_noise_*": "poses off by {} mrad",
+    "point_noise_*": "points off by {} mm",
+    "views_*": "number of cameras: {}",
+}
 METRICS = {
     "canonical_error_mm": Metric("mm", "Canonical vertex error"),
     "canonical_to_original_mm": Metric("mm", "To the garment as simulated"),
@@ -21,31 +36,32 @@ VARIANTS = {
         "mean_garment": Variant("Mean garment of the type"),
         "one_label": Variant("Most common training label"),
         "label_by_vertex": Variant("Most common training label at the nearest vertex of the body"),
-        "regression": Variant("Regression alone, which Garment4D's network starts from here"),
         "pointnet": Variant("PN++ (baseline)"),
+        "canonical_untrained": Variant("Garment4D, canonical stage, untrained"),
         "canonical": Variant("Garment4D, canonical stage"),
         "still": Variant("A garment that never moves"),
-        "lbs": Variant("Interpolated skinning"),
+        "lbs": Variant(COMPARED["lbs"]),
         "untrained": Variant("Garment4D, posed stage, untrained"),
-        "mgn": Variant("MGN* (baseline)"),
-        "posed": Variant("Garment4D, posed stage"),
-        "ours": Variant("Our final step"),
-        "ours_true_labels": Variant("Our final step, given the true labels", competes=False),
-        "ours_true_rest": Variant("Our final step, given the true garment at rest", competes=False),
+        "mgn": Variant(COMPARED["mgn"]),
+        "posed": Variant(COMPARED["posed"]),
+        "regression": Variant("Ours, the first guess"),
+        "ours_proposals": Variant("Ours, before it is laid on the points"),
+        "ours": Variant(COMPARED["ours"]),
+        "ours_true_labels": Variant("Ours, given the true labels", competes=False),
+        "ours_true_rest": Variant("Ours, given the true garment at rest", competes=False),
         "no_body_encoder": Variant("Without body surface encoder"),
         "no_transformer": Variant("Without temporal transformer"),
-        "as_printed": Variant("With displacements as in the paper"),
+        "released_loss": Variant("With the loss of the released code"),
+        "pulled": Variant("Also drawn to the points, and averaged over frames"),
+        "mgn_pulled": Variant("MGN*, also drawn to the points, and averaged over frames"),
         "nearest_weights": Variant("Trained with weights of the nearest body vertex"),
         "vertex_sampled": Variant("Given mesh vertices as points"),
-        "pointnet_noisy_body": Variant("PN++ (baseline)"),
-        "canonical_noisy_body": Variant("Garment4D, canonical stage"),
-        "lbs_noisy_body": Variant("Interpolated skinning"),
-        "mgn_noisy_body": Variant("MGN* (baseline)"),
-        "noisy_body": Variant("Garment4D, posed stage"),
-        "ours_noisy_body": Variant("Our final step"),
         "neighbours_*": Variant("K = {}"),
-        "missing_*": Variant("{} % of the points missing"),
-        "accuracy_*": Variant("{} % of the labels right"),
+        **{
+            f"{name}_{degraded}": Variant(f"{title}, {how}")
+            for name, title in COMPARED.items()
+            for degraded, how in DEGRADED.items()
+        },
     },
     "representation": {
         "garment4d_pca": Variant("PCA of Garment4D's templates"),
@@ -59,8 +75,6 @@ VARIANTS = {
             "PCA of Garment4D's templates, skinned, then moved to the points"
         ),
         "garment4d_scan_posed": Variant("Garment4D's networks", short="Garment4D:\nnetworks"),
-        "garment4d_scan_ours": Variant(
-            "Garment4D's networks, then moved to the points", short="Garment4D:\nmoved"
-        ),
+        "garment4d_scan_ours": Variant("Our model of Garment4D's inputs", short="Ours:\nlaid"),
     },
 }

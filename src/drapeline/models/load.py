@@ -13,10 +13,11 @@ from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.job import resolve
-from drapeline.models.garment4d.reconstruct import stage_folder
 from drapeline.models.registry import models
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
+
+_USED = "ours"  # the one to use of the models of a garment type, in its folder
 
 
 def load(folder: str | Path) -> Any:
@@ -25,8 +26,8 @@ def load(folder: str | Path) -> Any:
     Args:
         folder: of a model of garments at rest, such as `results/gcvae/svae` or
             `results/gcvae/static_ppca`; of a garment type of Garment4D, such as
-            `results/garment4d/Skirt`, or one of its posed stages; or of SMPLicit, such as
-            `results/smplicit/upper`.
+            `results/garment4d/Skirt` for our model, or the paper's networks in its folder `posed`;
+            or of SMPLicit, such as `results/smplicit/upper`.
 
     Returns:
         A `StaticModel` with `sample`, `encode` and `decode`, a `ReconstructionModel` with
@@ -35,7 +36,10 @@ def load(folder: str | Path) -> Any:
     Raises:
         InputError: a file is missing or damaged, or the model is of another kind.
     """
-    path = stage_folder(folder) / BEST
+    folder = Path(folder)
+    if (folder / _USED).is_dir() and not (folder / BEST).is_file():
+        folder = folder / _USED
+    path = folder / BEST
     kind = read_checkpoint(path).metadata["checkpoint_type"]
     loaders = {
         name: loader for model in models().values() for name, loader in model.loaders.items()

@@ -1,4 +1,4 @@
-"""Garments moved to points: of a whole sequence, as our final step after Garment4D, or of a scan.
+"""Garments moved to points: of a whole sequence, as in our model of point clouds, or of a scan.
 
 Garments that networks or codes give need not touch the points. Cloth hardly stretches and moves
 smoothly, so the edge lengths of the garment at rest and all frames together give a system of
@@ -58,6 +58,7 @@ _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely anoth
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
 _AROUND = 3  # points that have to be skin for a vertex to lie on it
 _SKIN_NEAR = 2.0  # distances between points, within which skin is taken for seen
+_SLIP_M = 0.2  # that hems slip over skin, at most
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
 
 
@@ -266,7 +267,10 @@ class SeenSkin:
             away, around = cloud.query(garment[frame], k=min(_AROUND, cloud.n))
             near = away[:, 0] < _SKIN_NEAR * self._spacing_m[frame]
             off = near & self._bare[frame][around].all(axis=1)
-            goals[frame, off] = cloth.data[cloth.query(garment[frame, off])[1]]
+            slipped_m, nearest = cloth.query(garment[frame, off])
+            # Farther away, the labels are wrong rather than the place of the hem.
+            near_cloth = slipped_m < _SLIP_M
+            goals[frame, np.flatnonzero(off)[near_cloth]] = cloth.data[nearest[near_cloth]]
         return goals
 
 

@@ -3,11 +3,11 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import fit_body
+from drapeline.bodies.scan_fit import fit_body, fit_sequence, is_exact
 from drapeline.bodies.settings import BodyFit
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import face_normals
+from drapeline.geometry.mesh import face_normals, vertex_normals
 
 TRUE = BodyState.of(
     REST_POSE + np.random.default_rng(0).normal(scale=0.2, size=72),
@@ -97,3 +97,69 @@ def test_nothing_to_see_leaves_the_estimate(toy_body):
     found = fitted(toy_body, far, np.zeros(1, bool), start, steps=2, joint_steps=2)
     np.testing.assert_allclose(found.rotations, start.rotations, atol=1e-9)
     np.testing.assert_allclose(found.trans, start.trans, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """Poses (8, 72) of a body whose shape is that of `TRUE`."""
+    steps = np.random.default_rng(3).normal(scale=0.03, size=(8, 72))
+    return TRUE.pose + np.cumsum(steps, axis=0)
+
+
+def sequence(body, poses, shape, shift=0.0):
+    """Vertices (F, V, 3) relative to the root joint as estimated."""
+    return posed_vertices(body, shape, poses)[0] + shift
+
+
+def off(rad=0.06):
+    """By which an estimate of the walk is off: poses, shape and place."""
+    rng = np.random.default_rng(4)
+    shape = rng.normal(scale=0.4, size=10)
+    return rng.normal(scale=rad, size=72), shape, rng.normal(scale=0.01, size=3)
+
+
+@pytest.mark.portable
+@pytest.mark.parametrize("known", [True, False])
+def test_an_estimate_that_is_off_in_all_frames_alike_is_brought_nearer(toy_body, walk, known):
+    points = sequence(toy_body, walk, TRUE.shape)
+    turned, shape, place = off()
+    poses, shape = walk + turned, TRUE.shape + shape
+    skin = np.ones(points.shape[:2], bool) if known else None
+    rng = np.random.default_rng(5)
+    found = fit_sequence(toy_body, points + place, skin, poses, shape, rng)
+
+    def error(poses, shape, shift):
+        made = sequence(toy_body, poses, shape, shift)
+        return np.linalg.norm(made - points - place, axis=-1).mean()
+
+    assert found.poses.shape == walk.shape
+    before, after = error(poses, shape, 0.0), error(*found)
+    assert after < 0.5 * before
+
+
+@pytest.mark.portable
+def test_cloth_that_is_known_leaves_a_body_within_it_alone(toy_body, walk):
+    """Half of the points are 3 cm outside."""
+    points = sequence(toy_body, walk, TRUE.shape)
+    normals = [vertex_normals(frame, toy_body.faces) for frame in points]
+    skin = np.tile(np.arange(points.shape[1]) % 2 == 0, (len(points), 1))
+    clothed = points + 0.03 * np.stack(normals) * ~skin[..., None]
+    rng = np.random.default_rng(5)
+    found = fit_sequence(toy_body, clothed, skin, walk, TRUE.shape, rng)
+    made = sequence(toy_body, *found)
+    assert np.linalg.norm(made - points, axis=-1).mean() < 0.003
+
+
+def test_a_body_is_exact_if_a_tenth_of_the_points_are_its_skin(toy_body, walk):
+    points = sequence(toy_body, walk, TRUE.shape).astype(np.float32)
+    normals = np.stack([vertex_normals(frame, toy_body.faces) for frame in points])
+    turned, _, place = off(0.1)
+    assert is_exact(toy_body, points, walk, TRUE.shape)
+    for share, expected in ((0.2, True), (0.05, False)):
+        cloth = np.arange(points.shape[1]) >= share * points.shape[1]
+        assert (
+            is_exact(toy_body, points + 0.02 * normals * cloth[:, None], walk, TRUE.shape)
+            == expected
+        )
+    assert not is_exact(toy_body, points, walk + turned, TRUE.shape)
+    assert not is_exact(toy_body, points + place, walk, TRUE.shape)

@@ -90,6 +90,10 @@ def test_networks_have_widths_for_all_levels_of_the_hierarchies():
             r" which is 4: no frame may lie between windows$",
         ),
         (
+            {"garment4d": {"labels": {"training": {"frames": 4, "stride": 5}}}},
+            r"garment4d.labels.training.stride is 5, expected at most garment4d.labels.training.fr",
+        ),
+        (
             {"garment4d": {"evaluation": {"stride": 11}}},
             r"garment4d.evaluation.stride is 11, expected at most garment4d.posed.training.frames",
         ),

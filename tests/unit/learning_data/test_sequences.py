@@ -9,7 +9,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import SequenceData, collect_sequences
-from toys.garment4d import GARMENT, save_toy_data, skirt_faces, toy_sequences
+from toys.garment4d import GARMENT, save_toy_data, skirt_faces, toy_bodies, toy_sequences
 
 
 @pytest.fixture(scope="module")
@@ -68,20 +68,56 @@ def test_windows_keep_to_their_split_and_their_sources(data):
     assert len(data.windows("test", 3, 3, ("skinned",))) == 0
 
 
-def test_body_relative_points_are_computed_once_for_the_body_as_read(data, toy_body, tmp_path):
+def test_places_on_the_body_are_those_for_the_body_as_read(data, toy_body):
     for sequence in (0, 5):
         rows = data.rows(sequence)
         expected = body_relative_points(
             toy_body, data.shape[sequence], data.poses[rows], data.points[rows]
         )
-        np.testing.assert_array_equal(data.clouds(sequence, body_relative_points=True), expected)
-        part = data.clouds(sequence, body_relative_points=True, frames=slice(1, 3))
-        np.testing.assert_array_equal(part, expected[1:3])
-    collect_sequences(tmp_path / "data", GARMENT, toy_sequences(toy_body), skirt_faces(), 3)
-    plain = SequenceData(tmp_path / "data")
-    assert plain.clouds(0, body_relative_points=False).shape[-1] == 3
-    with pytest.raises(InputError, match=r"body_relative_points\.npy"):
-        plain.clouds(0, body_relative_points=True)
+        np.testing.assert_array_equal(data.on_body[rows], expected[..., 3:])
+    assert data.on_body.filename is not None  # mapped, not read
+    assert data.on_inexact_body.filename is not None
+
+
+def rest_places(data, sequence, *, inexact):
+    """(F, P, 3) metres, where points are carried back to."""
+    return (data.on_inexact_body if inexact else data.on_body)[data.rows(sequence)][..., :3]
+
+
+def test_places_on_an_inexact_body_are_off_by_an_amount_of_each_sequence(data):
+    off_m = [
+        np.linalg.norm(
+            rest_places(data, sequence, inexact=True) - rest_places(data, sequence, inexact=False),
+            axis=-1,
+        ).mean()
+        for sequence in range(len(data))
+    ]
+    assert 0 < min(off_m) < 0.5 * max(off_m)
+    assert np.median(off_m) < 0.15
+    assert len(np.unique(off_m)) == len(off_m)
+    assert np.isfinite(data.on_inexact_body).all()
+
+
+def test_a_body_is_inexact_in_the_same_way_in_all_frames(data):
+    """As one that was estimated: what is off hardly changes from frame to frame."""
+    for sequence in data.of_split("train", ("simulated",)):
+        off = rest_places(data, sequence, inexact=True) - rest_places(data, sequence, inexact=False)
+        middle = np.median(off, axis=1)  # (F, 3), since single points change their place
+        assert np.abs(middle - middle.mean(axis=0)).mean() < 0.5 * np.abs(middle).mean()
+
+
+def test_inexact_bodies_depend_on_the_name_of_the_sequence_alone(data, toy_body, tmp_path):
+    """Of several garment types the same sequence has the same places."""
+    others = toy_sequences(toy_body)[::-1]
+    collect_sequences(tmp_path / "data", GARMENT, others, skirt_faces(), 2, toy_bodies(toy_body))
+    again = SequenceData(tmp_path / "data")
+    names = again.name.tolist()
+    for sequence, name in enumerate(data.name.tolist()):
+        for inexact in (False, True):
+            np.testing.assert_array_equal(
+                rest_places(again, names.index(name), inexact=inexact),
+                rest_places(data, sequence, inexact=inexact),
+            )
 
 
 def test_shares_of_labels_are_those_of_the_training_points(data):
@@ -102,10 +138,11 @@ def test_garments_before_registration_are_kept_of_held_out_sequences_alone(colle
 
 
 def test_bad_sequences_are_named(tmp_path, toy_body):
-    sequences = toy_sequences(toy_body)[:3]
+    sequences, bodies = toy_sequences(toy_body)[:3], toy_bodies(toy_body)
 
     def collect(*changed):
-        collect_sequences(tmp_path / "data", GARMENT, [*sequences, *changed], skirt_faces(), 3)
+        given = [*sequences, *changed]
+        collect_sequences(tmp_path / "data", GARMENT, given, skirt_faces(), 3, bodies)
 
     with pytest.raises(InputError, match="two sequences are named 00001"):
         collect(sequences[1])
@@ -116,13 +153,21 @@ def test_bad_sequences_are_named(tmp_path, toy_body):
     with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 16"):
         collect(replace(sequences[1], name="00009", garment=lambda: holed))
     with pytest.raises(InputError, match="no sequences"):
-        collect_sequences(tmp_path / "data", GARMENT, [], skirt_faces(), 3)
+        collect_sequences(tmp_path / "data", GARMENT, [], skirt_faces(), 3, bodies)
     assert not (tmp_path / "data").exists()
 
 
 def test_damaged_folders_are_refused(collected, tmp_path):
     folder = tmp_path / "data"
     shutil.copytree(collected[0], folder)
+    places = np.load(folder / "on_inexact_body.npy")
+    np.save(folder / "on_inexact_body.npy", places[..., :3])
+    with pytest.raises(InputError, match=r"on_inexact_body.npy: has shape \(45, 160, 3\)"):
+        SequenceData(folder)
+    (folder / "on_inexact_body.npy").unlink()
+    with pytest.raises(InputError, match=r"on_inexact_body.npy: no such file"):
+        SequenceData(folder)
+    np.save(folder / "on_inexact_body.npy", places)
     np.save(folder / "labels.npy", np.zeros((3, 160), np.uint8))
     with pytest.raises(
         InputError, match=r"labels.npy: has shape \(3, 160\) .*expected \(45, 160\)"

@@ -5,9 +5,9 @@ cloud, N vertices of the template, K of its springs, M body vertices that networ
 frames of a window, D components of the garment space.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from drapeline.bodies.kinematics import skin_body
 from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import interpolated_weights
+from drapeline.dataset.windows import window_starts
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
 from drapeline.learning_data.sequences import KINDS, SequenceData
@@ -28,7 +29,7 @@ from drapeline.rule_log import LOGGER
 
 _KEPT_BODIES = 512  # of some hundred kilobytes each
 _KEPT_BYTES = 512 << 20  # of bodies in motion, and of skinning weights, each
-_SMALL_M = 1e-9
+_WINDOWS = 4  # at once, where no gradient is wanted
 
 
 class SurfaceSample:
@@ -132,6 +133,28 @@ class BodySet:
         return ShapedBody(self.models[gender], self._surfaces[gender], gender, shape)
 
 
+class Seen(NamedTuple):
+    """A sequence as models are given it; metres, root frame."""
+
+    points: np.ndarray  # (F, P, 3)
+    poses: np.ndarray  # (F, 72) rad, 30 per second
+    trans: np.ndarray  # (F, 3) of the root joint in the world
+    body: ShapedBody
+    # (F, P) codes of `LABELS`, what each point is taken for; None where that is not known yet.
+    labels: np.ndarray | None = None
+
+    def taken_for(self, label: int) -> np.ndarray:
+        """(F, P) bool of the points that have a label."""
+        if self.labels is None:
+            raise ValueError("the points have no labels, expected some")
+        return self.labels == label
+
+    def frames(self, chosen: np.ndarray) -> "Seen":
+        """Some frames of it."""
+        labels = None if self.labels is None else self.labels[chosen]
+        return Seen(self.points[chosen], self.poses[chosen], self.trans[chosen], self.body, labels)
+
+
 class BodySequences:
     """Sequences of a garment type with the bodies, of both genders, that move in them."""
 
@@ -150,45 +173,42 @@ class BodySequences:
         bodies = {f"bodies/{key}": value for key, value in self.bodies.arrays().items()}
         return self.data.arrays() | bodies
 
-    def batch(
-        self, windows: np.ndarray, frames: int, *, body_relative_points: bool = False
-    ) -> dict[str, Any]:
+    def batch(self, windows: np.ndarray, frames: int) -> dict[str, Any]:
         """Arrays of windows.
 
         Args:
             windows: (B, 2) as from `SequenceData.windows`.
             frames: T.
-            body_relative_points: whether points also say where on the body they are.
 
         Returns:
-            `points` (B, T, P, 3 or 7), `labels` (B, T, P) int64, `canonical` (B, N, 3),
+            `points` (B, T, P, 3), `labels` (B, T, P) int64, `canonical` (B, N, 3),
             `coefficients` (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, and the
             windows as `sequence` and `start` (B,).
         """
         data = self.data
-        parts = [(int(s), slice(int(start), int(start) + frames)) for s, start in windows]
-        chosen = np.array([sequence for sequence, _ in parts])
+        chosen = windows[:, 0]
         spans = self.spans(windows, frames)
         rest = [self.body(sequence).rest_surface for sequence in chosen]
         return {
-            "points": np.stack(
-                [
-                    data.clouds(s, body_relative_points=body_relative_points, frames=part)
-                    for s, part in parts
-                ]
-            ),
+            "points": np.stack([data.points[span] for span in spans]),
             "labels": np.stack([data.labels[span] for span in spans]).astype(np.int64),
             "canonical": data.canonical[chosen],
             "coefficients": data.coefficients[chosen].astype(np.float32),
             "rest_body": np.stack([vertices for vertices, _ in rest]).astype(np.float32),
             "rest_normals": np.stack([normals for _, normals in rest]).astype(np.float32),
             "sequence": chosen,
-            "start": np.array([part.start for _, part in parts]),
+            "start": windows[:, 1],
             "names": [
                 f"{data.name[sequence]}/{data.number[span.start]}"
                 for sequence, span in zip(chosen, spans, strict=True)
             ],
         }
+
+    def seen(self, sequence: int, labels: np.ndarray | None = None) -> Seen:
+        """A whole sequence, with labels (F, P) if any."""
+        data, rows = self.data, self.data.rows(sequence)
+        body = self.body(sequence)
+        return Seen(data.points[rows], data.poses[rows], data.trans[rows], body, labels)
 
     def spans(self, windows: np.ndarray, frames: int) -> list[slice]:
         """Rows of windows (B, 2) of T frames among the frames of all sequences."""
@@ -210,7 +230,6 @@ class Windows:
         most_validated: validation windows of each sequence at most, evenly spread; None for all.
             Where all windows of a sequence have one true garment, long sequences would otherwise
             outvote the short ones.
-        body_relative_points: whether points also say where on the body they are.
     """
 
     def __init__(
@@ -221,10 +240,8 @@ class Windows:
         stride: int,
         sources: Sequence[str] = KINDS,
         most_validated: int | None = None,
-        body_relative_points: bool = False,
     ) -> None:
         self.sequences, self.frames = sequences, frames
-        self.body_relative_points = body_relative_points
         train = sequences.data.windows("train", frames, stride, sources)
         val = self._validation_windows(sources, most_validated)
         if not len(val):
@@ -258,14 +275,54 @@ class Windows:
 
     def batch(self, rows: np.ndarray) -> dict[str, Any]:
         """See `BodySequences.batch`."""
-        return self.sequences.batch(
-            self._windows[rows], self.frames, body_relative_points=self.body_relative_points
-        )
+        return self.sequences.batch(self._windows[rows], self.frames)
 
 
 def spread_rows(rows: np.ndarray, most: int) -> np.ndarray:
     """At most so many of the rows (R, ...), evenly spread."""
     return rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)]
+
+
+class SequenceWindows:
+    """Windows that cover a sequence, a few at a time."""
+
+    def __init__(self, count: int, frames: int, stride: int | None = None) -> None:
+        self.count, self.frames = count, frames
+        starts = window_starts(count, frames, stride or frames, "to reconstruct")
+        self.starts = np.array(starts)
+
+    def batches(self) -> Iterator[np.ndarray]:
+        """First frames of the windows, batch by batch."""
+        for first in range(0, len(self.starts), _WINDOWS):
+            yield self.starts[first : first + _WINDOWS]
+
+    def of(self, starts: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Values (F, ...) of windows, (B, T, ...)."""
+        rows = starts[:, None] + np.arange(self.frames)
+        return np.ascontiguousarray(values[rows])
+
+    def mean(self, shape: Sequence[int]) -> "FrameMean":
+        """To fill with values of `shape` per frame."""
+        return FrameMean(self, shape)
+
+
+class FrameMean:
+    """Mean over all windows that hold a frame."""
+
+    def __init__(self, windows: SequenceWindows, shape: Sequence[int]) -> None:
+        self._frames = windows.frames
+        self._sum = np.zeros((windows.count, *shape), dtype=np.float32)
+        self._held = np.zeros(windows.count, dtype=np.float32)
+
+    def add(self, starts: np.ndarray, values: np.ndarray) -> None:
+        """Values (B, T, ...) of windows."""
+        for start, value in zip(starts, values, strict=True):
+            self._sum[start : start + self._frames] += value
+            self._held[start : start + self._frames] += 1
+
+    def __call__(self) -> np.ndarray:
+        """(F, ...)."""
+        return self._sum / self._held.reshape(-1, *[1] * (self._sum.ndim - 1))
 
 
 class DressedSequences(BodySequences):
@@ -297,9 +354,7 @@ class DressedSequences(BodySequences):
         self._weights.add(sequence, weights)
         return weights
 
-    def batch(
-        self, windows: np.ndarray, frames: int, *, body_relative_points: bool = False
-    ) -> dict[str, Any]:
+    def batch(self, windows: np.ndarray, frames: int) -> dict[str, Any]:
         """Arrays of windows; see `BodySequences.batch`.
 
         Returns:
@@ -307,7 +362,7 @@ class DressedSequences(BodySequences):
             `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3),
             `weights` (B, N, 24) and `proposal` (B, T, N, 3).
         """
-        batch = super().batch(windows, frames, body_relative_points=body_relative_points)
+        batch = super().batch(windows, frames)
         chosen, spans = batch["sequence"], self.spans(windows, frames)
         motions = [self._motion(int(s), int(start), frames) for s, start in windows]
         batch |= {

@@ -3,7 +3,6 @@
 F frames, P points of a cloud, N vertices of the template, B vertices of the body, L labels.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache, reduce
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import load_bodies, posed_vertices
-from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
@@ -23,10 +21,9 @@ from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import METRICS_FILE, join, summarise, without_all, write_metrics
-from drapeline.models.garment4d.data import BodySequences, BodySet, ShapedBody
-from drapeline.models.garment4d.final_step import FinalStep, LaidGarment, Seen
+from drapeline.models.garment4d.data import BodySequences, BodySet, Seen, spread_rows
+from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.reconstruct import (
-    DEFAULT_REFINING,
     Estimate,
     ReconstructedGarment,
     body_frames,
@@ -34,13 +31,13 @@ from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
 )
+from drapeline.models.garment4d.robustness import degraded
 from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     MgnStage,
     PointNetStage,
     PosedStage,
-    load_posed_files,
     load_stage,
 )
 from drapeline.models.training.batches import ByteCache
@@ -50,11 +47,11 @@ from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import progress
 from drapeline.schema import Table
-from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
 _KEPT_BYTES = 1 << 30  # of the outputs of canonical networks for sequences
 ONE, BY_VERTEX = "one_label", "label_by_vertex"
+_DEGRADED = 8  # sequences that are also measured with worse inputs, at most
 _COUNTED = slice(None, None, 10)  # neighbouring frames hardly differ
 
 
@@ -63,7 +60,6 @@ class SplitEvaluation:
 
     Args:
         split: "train", "val" or "test".
-        final_step: our final step; without corrections of garments at rest if None.
 
     Raises:
         InputError: no sequence of the split is simulated. Garments moved by skinning are never
@@ -75,15 +71,9 @@ class SplitEvaluation:
         sequences: BodySequences,
         split: str,
         settings: EvaluationSettings,
-        refining: RefineSettings = DEFAULT_REFINING,
-        final_step: FinalStep | None = None,
     ) -> None:
         self.sequences, self.data = sequences, sequences.data
         self.split, self.settings = split, settings
-        self.refining = refining
-        self.final_step = final_step or FinalStep(
-            self.data.space, self.data.label, SkinningSettings()
-        )
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
         self._moving_body = lru_cache(1)(self._measured_body)  # all variants of one after another
@@ -116,9 +106,9 @@ class SplitEvaluation:
     def measure_canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
         """M1 of stages by variant and of references.
 
-        The references are the mean garment; "regression", what the stage "canonical" starts from;
-        "pca", the garment from its true coefficients, which is the best that the space can do; and
-        "truth", the registered garment against the original. Those for labels are `GuessedLabels`.
+        The references are the mean garment; "pca", the garment from its true coefficients, which is
+        the best that the space can do; and "truth", the registered garment against the original.
+        Those for labels are `GuessedLabels`.
         """
         data, guessed = self.data, GuessedLabels(self.sequences)
         for sequence in progress(self.simulated, total=len(self.simulated), label="canonical"):
@@ -128,15 +118,16 @@ class SplitEvaluation:
             )
             self._measure_canonical("truth", sequence, data.canonical[sequence], true=False)
             made = {variant: self._estimate(stage, sequence) for variant, stage in stages.items()}
-            if (regressed := made["canonical"].regressed) is not None:
-                made["regression"] = made["canonical"]._replace(canonical=regressed)
             for variant, estimated in made.items():
                 self._measure_canonical(variant, sequence, estimated.canonical)
             labels = {variant: estimated.labels for variant, estimated in made.items()}
             for variant, found in (labels | guessed.of(sequence)).items():
                 if found is not None:
-                    right = metrics.segmentation_accuracy(found, data.labels[data.rows(sequence)])
-                    self.add(variant, sequence, {"segmentation_accuracy": right})
+                    self._measure_labels(variant, sequence, found)
+
+    def _measure_labels(self, variant: str, sequence: int, labels: np.ndarray) -> None:
+        right = metrics.segmentation_accuracy(labels, self.data.labels[self.data.rows(sequence)])
+        self.add(variant, sequence, {"segmentation_accuracy": right})
 
     def _measure_canonical(
         self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
@@ -153,40 +144,32 @@ class SplitEvaluation:
         self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
         return made
 
-    def measure_ours(self, sequence: int, made: ReconstructedGarment) -> ReconstructedGarment:
-        """Measure our variant at rest and in motion, and return it as a reconstruction."""
-        started = time.perf_counter()
-        laid = self._lay(sequence, made)
-        seconds = made.seconds + time.perf_counter() - started
-        self._measure_canonical("ours", sequence, laid.canonical)
-        self.measure_garment("ours", sequence, laid.final, seconds=seconds)
-        return made._replace(**laid._asdict())
+    def measure_ours(self, model: OurModel, sequence: int) -> ReconstructedGarment:
+        """Measure our model at rest and in motion, and return its reconstruction."""
+        seen = self.sequences.seen(sequence)
+        guess = model.guesser.guess(seen)
+        made = model.lay(guess, seen)
+        self._measure_labels("ours", sequence, guess.labels)
+        self._measure_canonical("regression", sequence, guess.canonical)
+        self._measure_canonical("ours", sequence, made.canonical)
+        self.measure_garment("ours_proposals", sequence, made.proposal)
+        self.measure_garment("ours", sequence, made.final, seconds=made.seconds)
+        return made
 
-    def measure_oracles(self, sequence: int, made: ReconstructedGarment) -> None:
-        """Our variant given parts of the truth: what better ones would be worth."""
+    def measure_oracles(self, model: OurModel, sequence: int, made: ReconstructedGarment) -> None:
+        """Our model given parts of the truth: what better ones would be worth.
+
+        Args:
+            made: by the model.
+        """
         data = self.data
         labels = data.labels[data.rows(sequence)]
-        told = self._lay(sequence, made._replace(labels=labels))
+        told = model.make(self.sequences.seen(sequence, labels))
+        self._measure_canonical("ours_true_labels", sequence, told.canonical)
         self.measure_garment("ours_true_labels", sequence, told.final)
-        seen = self._seen(sequence, made)
-        told = self.final_step.lay(data.canonical[sequence], seen, self.refining)
-        self.measure_garment("ours_true_rest", sequence, told.final)
-
-    def _lay(
-        self,
-        sequence: int,
-        made: ReconstructedGarment,
-        *,
-        noisy: bool = False,
-    ) -> LaidGarment:
-        """What our final step makes of a reconstruction."""
-        return self.final_step(made.first, self._seen(sequence, made, noisy=noisy), self.refining)
-
-    def _seen(self, sequence: int, made: ReconstructedGarment, *, noisy: bool = False) -> Seen:
-        """A sequence with the labels of its reconstruction."""
-        rows = self.data.rows(sequence)
-        poses, body = self._body(sequence, noisy=noisy)
-        return Seen(self.data.points[rows], made.labels, poses, self.data.trans[rows], body)
+        seen = self.sequences.seen(sequence, made.labels)
+        laid = model.final_step.lay(data.canonical[sequence], seen, model.refining)
+        self.measure_garment("ours_true_rest", sequence, laid.final)
 
     def measure_garment(
         self,
@@ -240,63 +223,32 @@ class SplitEvaluation:
             true_canonical=data.canonical[sequence],
         )
 
-    def measure_sweeps(self, stage: PosedStage) -> None:
-        """Figures 8, 9 and 10."""
-        settings, plain = self.settings, stage.settings.skinning
-        for sequence in progress(self.simulated, total=len(self.simulated), label="sweeps"):
-            name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
-            points, labels = self.data.points[rows], self.data.labels[rows]
-            for count in settings.neighbours:
+    def measure_neighbours(self, stage: PosedStage) -> None:
+        """Figure 8: proposals with weights of other numbers of body vertices."""
+        plain = stage.settings.skinning
+        for sequence in progress(self.simulated, total=len(self.simulated), label="neighbours"):
+            for count in self.settings.neighbours:
                 made = self._reconstruct(stage, sequence, skinning=plain.replace(neighbours=count))
                 self._measure_errors(f"neighbours_{count}", sequence, made.final, made.seconds)
-            for share in settings.missing:
-                rng = rng_for(settings.seed, "missing", name, share)
-                holed = np.stack(
-                    [cut_holes(*frame, share, rng)[0] for frame in zip(points, labels, strict=True)]
-                )
-                made = self._reconstruct(stage, sequence, points=holed)
-                variant = f"missing_{round(100 * share)}"
-                self._measure_errors(variant, sequence, made.final, made.seconds)
-            for share in settings.accuracy:
-                rng = rng_for(settings.seed, "accuracy", name, share)
-                wrong = corrupt_labels(labels.ravel(), share, self.data.label, rng)
-                made = self._reconstruct(stage, sequence, labels=wrong.reshape(labels.shape))
-                variant = f"accuracy_{round(100 * share)}"
-                self._measure_errors(variant, sequence, made.final, made.seconds)
 
-    def measure_noisy_bodies(
-        self, canonical: Mapping[str, CanonicalStage], posed: Mapping[str, PosedStage]
-    ) -> None:
-        """Errors with a body that is not exactly known, in variants that end in "noisy_body".
+    def measure_degraded(self, posed: Mapping[str, PosedStage], ours: OurModel) -> None:
+        """Figures 9 and 10, and what inexact bodies, noise and few views do.
 
-        Canonical stages are measured if their points are body-relative, since others do not use the
-        body. Of the posed stages these are the full model (the variant "noisy_body" itself), its
-        proposals and our final step, and MGN*.
+        It is measured on a few sequences, for "posed", its proposals "lbs", "mgn" if there is one,
+        and "ours", in variants `{model}_{name}` with names as of `degraded`.
         """
-        for sequence in progress(self.simulated, total=len(self.simulated), label="noisy bodies"):
-            for variant, stage in canonical.items():
-                if stage.body_relative_points:
-                    estimated = self._estimate(stage, sequence, noisy=True)
-                    self._measure_canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
-            made = self._reconstruct(posed["posed"], sequence, noisy=True)
-            self._measure_errors("noisy_body", sequence, made.final)
-            self._measure_errors("lbs_noisy_body", sequence, made.proposal)
-            ours = self._lay(sequence, made, noisy=True)
-            self._measure_errors("ours_noisy_body", sequence, ours.final)
-            if "mgn" in posed:
-                made = self._reconstruct(posed["mgn"], sequence, noisy=True)
-                self._measure_errors("mgn_noisy_body", sequence, made.final)
-
-    def _body(self, sequence: int, *, noisy: bool = False) -> tuple[np.ndarray, ShapedBody]:
-        """Poses (F, 72) and the body of a sequence as networks are given them."""
-        data, settings = self.data, self.settings
-        poses = data.poses[data.rows(sequence)]
-        if not noisy:
-            return poses, self.sequences.body(sequence)
-        rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
-        poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
-        shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-        return poses, self.sequences.bodies.of(data.gender[sequence], shape)
+        chosen = spread_rows(self.simulated, _DEGRADED)
+        for sequence in progress(chosen, total=len(chosen), label="degraded"):
+            for name, seen in degraded(self.sequences, int(sequence), self.settings):
+                made = self._reconstruct(posed["posed"], sequence, seen)
+                self._measure_errors(f"posed_{name}", sequence, made.final)
+                self._measure_errors(f"lbs_{name}", sequence, made.proposal)
+                if "mgn" in posed:
+                    made = self._reconstruct(posed["mgn"], sequence, seen)
+                    self._measure_errors(f"mgn_{name}", sequence, made.final)
+                made = ours.make(seen)
+                self._measure_canonical(f"ours_{name}", sequence, made.canonical)
+                self._measure_errors(f"ours_{name}", sequence, made.final)
 
     def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
@@ -313,7 +265,6 @@ class SplitEvaluation:
         stage: CanonicalStage,
         sequence: int,
         *,
-        noisy: bool = False,
         frames: int | None = None,
         stride: int | None = None,
     ) -> Estimate:
@@ -322,11 +273,11 @@ class SplitEvaluation:
         Posed stages of sequences in motion hold the same network, so it is kept for the next one.
         """
         frames = frames or stage.settings.training.frames
-        key = (tensors_digest(stage.state_dict()), int(sequence), noisy, frames, stride or frames)
+        key = (tensors_digest(stage.state_dict()), int(sequence), frames, stride or frames)
         if key in self._estimates:
             return self._estimates[key]
-        points, body = self.data.points[self.data.rows(sequence)], self._body(sequence, noisy=noisy)
-        made = estimate(stage, points, *body, frames=frames, stride=stride)
+        points = self.data.points[self.data.rows(sequence)]
+        made = estimate(stage, points, frames=frames, stride=stride)
         self._estimates.add(key, made)
         return made
 
@@ -334,26 +285,21 @@ class SplitEvaluation:
         self,
         stage: PosedStage,
         sequence: int,
+        seen: Seen | None = None,
         *,
-        noisy: bool = False,
-        points: np.ndarray | None = None,
-        labels: np.ndarray | None = None,
         skinning: SkinningSettings | None = None,
     ) -> ReconstructedGarment:
         """See `reconstruct`; what is None is as in the data, or as in training."""
         stride, estimated = self.settings.stride or None, None
-        if points is None and labels is None:
+        plain = self.sequences.seen(sequence)
+        if seen is None or (seen.labels is None and np.array_equal(seen.points, plain.points)):
             frames = stage.settings.training.frames
-            estimated = self._estimate(
-                stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
-            )
+            estimated = self._estimate(stage.canonical, sequence, frames=frames, stride=stride)
         return reconstruct(
             stage,
-            self.data.points[self.data.rows(sequence)] if points is None else points,
-            *self._body(sequence, noisy=noisy),
+            plain if seen is None else seen,
             stride=stride,
             skinning=skinning,
-            labels=labels,
             estimated=estimated,
         )
 
@@ -362,22 +308,21 @@ def evaluate(
     sequences: BodySequences,
     canonical: Mapping[str, CanonicalStage],
     posed: Mapping[str, PosedStage],
+    ours: OurModel,
     splits: Sequence[str],
     settings: EvaluationSettings,
-    refining: RefineSettings,
-    final_step: FinalStep,
     *,
     pictures: str | Path,
     vertex_sampled: BodySequences | None = None,
 ) -> Table:
     """Rows of the table of metrics for all variants of a type, and reconstructions for figures.
 
-    Ablations, sweeps and noisy bodies are for the test split alone.
+    Ablations and worse inputs are for the test split alone.
 
     Args:
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        final_step: our final step.
+        ours: our model.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code; None to
@@ -386,8 +331,9 @@ def evaluate(
     data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = SplitEvaluation(sequences, split, settings, refining, final_step)
-            evaluation.measure_canonicals(canonical)
+            evaluation = SplitEvaluation(sequences, split, settings)
+            begun = canonical["canonical"].untrained()
+            evaluation.measure_canonicals({**canonical, "canonical_untrained": begun})
             others = {}
             if split == "test":
                 others = {name: stage for name, stage in posed.items() if name != "posed"}
@@ -398,19 +344,19 @@ def evaluate(
                 made = evaluation.measure_posed("posed", posed["posed"], sequence)
                 evaluation.measure_garment("lbs", sequence, made.proposal)
                 evaluation.measure_still(sequence)
-                ours = evaluation.measure_ours(sequence, made)
+                laid = evaluation.measure_ours(ours, sequence)
                 evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
                 if split == "test":
                     shown = evaluation.reconstruction(sequence, made)
                     shown.save(scratch / f"{name}.npz")
-                    evaluation.reconstruction(sequence, ours).save(scratch / f"{name}_ours.npz")
-                    evaluation.measure_oracles(sequence, made)
+                    evaluation.reconstruction(sequence, laid).save(scratch / f"{name}_ours.npz")
+                    evaluation.measure_oracles(ours, sequence, laid)
                 for variant, stage in others.items():
                     evaluation.measure_posed(variant, stage, sequence)
             if split == "test":
-                evaluation.measure_sweeps(posed["posed"])
-                if settings.noise_pose_rad or settings.noise_shape:
-                    evaluation.measure_noisy_bodies(canonical, posed)
+                evaluation.measure_neighbours(posed["posed"])
+                if settings.degrades:
+                    evaluation.measure_degraded(posed, ours)
                 if vertex_sampled is not None:
                     released = SplitEvaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():
@@ -469,7 +415,11 @@ def evaluate_garment(job: Job) -> None:
     bodies = BodySet(load_bodies(given), params.body_points)
     device = fastest_device(params.accelerator)
     posed = dict(zip(params.posed, given.posed, strict=True))
-    stages = {name: load_stage(folder, PosedStage).to(device) for name, folder in posed.items()}
+    stages: dict[str, PosedStage] = {
+        name: load_stage(folder, PosedStage, MgnStage).to(device) for name, folder in posed.items()
+    }
+    ours = OurModel(given.ours, device)
+    ours.refining = RefineSettings(**params.refine)
     released = given.get("vertex_sampled")
     with atomic_folder(job.output[0]) as scratch:
         rows = evaluate(
@@ -479,10 +429,9 @@ def evaluate_garment(job: Job) -> None:
                 "pointnet": load_stage(given.pointnet, PointNetStage).to(device),
             },
             {**stages, "mgn": load_stage(given.mgn, MgnStage).to(device)},
+            ours,
             params.splits,
             EvaluationSettings(**params.settings),
-            RefineSettings(**params.refine),
-            load_posed_files(posed["posed"], stages["posed"]).final_step,
             pictures=scratch / RECONSTRUCTIONS,
             vertex_sampled=BodySequences(SequenceData(released), bodies) if released else None,
         )

@@ -7,7 +7,13 @@ from typing import Any
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
-from drapeline.models.garment4d.settings import Garment4dSettings, posed_variants
+from drapeline.models.garment4d.settings import (
+    MGN_VARIANTS,
+    PAPER_FRAMES,
+    RELEASED_INTERPENETRATION,
+    Garment4dSettings,
+    posed_variants,
+)
 from drapeline.models.registry import (
     EvaluationTask,
     Figure,
@@ -23,6 +29,7 @@ from drapeline.models.training.settings import override_settings
 _HERE = "drapeline.models.garment4d"
 _PAGES = "drapeline.report.models.garment4d"
 _ABLATIONS = "metrics_garment4d_ablations"
+_PULLED_MGN = "mgn_pulled"
 PROTOCOLS = ("surface", "vertices")
 
 
@@ -75,8 +82,6 @@ class _Garment4dTasks:
         self.files, self.own = files, Garment4dFiles(files)
         self.settings, self.folder = self.own.settings, self.own.folder
         self.garments, self.seed = self.own.garments, files.config["seed"]
-        # Whether networks ask where on the known body points are.
-        self.body_relative_points = self.settings["canonical"]["network"]["body_relative_points"]
         self.variants = posed_variants(self.settings["posed"])
 
     def data(self) -> dict[str, Task]:
@@ -102,22 +107,18 @@ class _Garment4dTasks:
                 "outfits": [
                     files.outfits.format(group=group, shard=shard) for group, shard in skinned
                 ],
-                **(files.bodies if self.body_relative_points else {}),
+                **files.bodies,
                 "template": own.templates[garment],
                 "fits": own.learnt_fits,
             },
-            {
-                "garment": garment,
-                "components": self.settings["components"],
-                "body_relative_points": self.body_relative_points,
-            },
-            seconds=25 * files.moving_size,
+            {"garment": garment, "components": self.settings["components"]},
+            seconds=40 * files.moving_size,
             megabytes=400 + 20 * files.moving_size,
         )
 
     def trainings(self) -> dict[str, Task]:
-        """Of both stages, their baselines and their variants, for each type."""
-        found = {}
+        """Of our model, and of the paper's stages, their baselines and variants, for each type."""
+        found = {"labels": self._train_labels()}
         for garment in self.garments:
             for name in ("canonical", "pointnet"):
                 told = {
@@ -126,30 +127,69 @@ class _Garment4dTasks:
                 }
                 found[f"{garment}/{name}"] = self._train("canonical", garment, "canonical", told)
             canonical = f"{self.folder}/{garment}/canonical"
-            for name in (*self.variants, "mgn"):
-                stage = "mgn" if name == "mgn" else "posed"
-                changed = override_settings(
-                    self._stage_settings(stage), self.variants.get(name, {})
-                )
-                kind, told = "compared", {"settings": changed, "mgn": name == "mgn"}
-                if name == "posed":  # the one to be used
-                    own = {key: self.settings[key] for key in ("refine", "proposals")}
-                    kind, told = "posed", {"settings": changed, **own}
-                found[f"{garment}/{name}"] = self._train(
-                    kind, garment, stage, told, canonical=canonical
-                )
+            for stage, variants in (("posed", self.variants), ("mgn", MGN_VARIANTS)):
+                for name, changes in variants.items():
+                    settings = override_settings(self._stage_settings(stage), changes)
+                    told = {"settings": settings, "mgn": stage == "mgn"}
+                    found[f"{garment}/{name}"] = self._train(
+                        "posed", garment, stage, told, canonical=canonical
+                    )
+            found[f"{garment}/ours"] = self._fit_ours(garment)
         return found
+
+    def _train_labels(self) -> Task:
+        training = self.settings["labels"]["training"]
+        # Both with the body and with one that is off.
+        seconds, megabytes = self._cost("canonical", training, 2 * training["epochs"])
+        return Task(
+            f"{_HERE}.ours.train:train_labels",
+            {"data": [self.own.sequences[garment] for garment in self.garments]},
+            {"settings": self._stage_settings("labels"), "trainer": self.settings["trainer"]},
+            seconds=seconds,
+            megabytes=megabytes,
+            checks=[
+                partial(self._require_sequences, garment, "labels") for garment in self.garments
+            ],
+            parallel=True,
+            gpus=self.files.gpus("garment4d"),
+        )
+
+    def _fit_ours(self, garment: str) -> Task:
+        size = self.files.moving_size
+        return Task(
+            f"{_HERE}.ours.train:train_ours",
+            {
+                **self.files.bodies,
+                "data": self.own.sequences[garment],
+                "labels": f"{self.folder}/labels",
+            },
+            {
+                "body_points": self.settings["body_points"],
+                **{key: self.settings[key] for key in ("skinning", "refine", "proposals")},
+                "accelerator": self.settings["trainer"]["accelerator"],
+            },
+            seconds=300 + 100 * size,
+            megabytes=2000 + 20 * size,
+            modules=[OUR_SOLVER],
+            gpus=min(self.files.gpus("garment4d"), 1),
+        )
+
+    def _cost(self, place: str, training: Mapping[str, Any], epochs: float) -> tuple[float, float]:
+        """Seconds and megabytes of a training."""
+        points = self.settings["clouds"]["points"] / 1024
+        rate_s = {"canonical": 0.0046, "posed": 0.033}[place]
+        frames = training["frames"] / training["stride"]
+        # Linear as far as it was measured; what is larger belongs on a GPU.
+        megabytes = 400 + 160 * training["batch"] * training["frames"] * points
+        seconds = rate_s * epochs * self.files.moving_frames * frames * points
+        return seconds, min(megabytes, 40_000)
 
     def _train(
         self, kind: str, garment: str, stage: str, told: Mapping[str, Any], **given: str
     ) -> Task:
         place = "canonical" if stage == "canonical" else "posed"
-        own, points = self.settings[place], self.settings["clouds"]["points"] / 1024
-        training = own["training"]
-        rate_s = {"canonical": 0.0046, "posed": 0.033}[place]
-        frames = training["frames"] / training["stride"]
-        # Linear as far as it was measured; what is larger belongs on a GPU.
-        batch_mb = 400 + 160 * training["batch"] * training["frames"] * points
+        training = self.settings[place]["training"]
+        seconds, megabytes = self._cost(place, training, training["epochs"])
         return Task(
             f"{_HERE}.train:train_{kind}",
             {**self.files.bodies, "data": self.own.sequences[garment], **given},
@@ -158,10 +198,9 @@ class _Garment4dTasks:
                 "body_points": self.settings["body_points"],
                 "trainer": self.settings["trainer"],
             },
-            seconds=rate_s * training["epochs"] * self.files.moving_frames * frames * points,
-            megabytes=min(batch_mb, 40_000),
+            seconds=seconds,
+            megabytes=megabytes,
             checks=[partial(self._require_sequences, garment, stage)],
-            modules=[OUR_SOLVER] if kind == "posed" else [],
             parallel=True,
             gpus=self.files.gpus("garment4d"),
         )
@@ -194,7 +233,7 @@ class _Garment4dTasks:
         }
         if stage == "posed":
             settings["skinning"] = self.settings["skinning"]
-        if stage == "canonical":
+        if stage in ("canonical", "labels"):
             points = self.settings["clouds"]["points"]
             settings["network"] = {**own["network"], "points": points}
         return settings
@@ -203,13 +242,18 @@ class _Garment4dTasks:
         """Of each type's networks, with and without variants, and the comparisons."""
         found: dict[str, tuple[Task, Sequence[str]]] = {}
         for garment in self.garments:
-            # Figures 8 to 10 and noisy bodies are part of the ablations alone.
-            few: dict[str, Any] = {key: [] for key in ("neighbours", "missing", "accuracy")}
-            few |= {"noise_pose_rad": 0.0, "noise_shape": 0.0}
+            # Figures 8 to 10 and other worse inputs are part of the ablations alone.
+            few: dict[str, Any] = {
+                key: []
+                for key in (
+                    *("neighbours", "missing", "accuracy"),
+                    *("body_noise_rad", "point_noise_m", "views"),
+                )
+            }
             found[garment] = (self._evaluate(garment, ["posed"], few), ("metrics",))
             released = {"vertex_sampled": f"{self.folder}/{garment}/data_vertices"}
             found[f"{garment}_ablations"] = (
-                self._evaluate(garment, list(self.variants), {}, **released),
+                self._evaluate(garment, [*self.variants, _PULLED_MGN], {}, **released),
                 (_ABLATIONS,),
             )
         found["representations"] = (self._compare(), ("representations",))
@@ -233,7 +277,7 @@ class _Garment4dTasks:
                 **self.files.bodies,
                 "data": self.own.sequences[garment],
                 **given,
-                **{name: f"{folder}/{name}" for name in ("canonical", "pointnet", "mgn")},
+                **{name: f"{folder}/{name}" for name in ("canonical", "pointnet", "mgn", "ours")},
                 "posed": [f"{folder}/{variant}" for variant in variants],
             },
             {
@@ -275,7 +319,8 @@ class _Garment4dTasks:
             {
                 **self.files.bodies,
                 **self.files.known_scans,
-                "models": [f"{self.folder}/{garment}/posed" for garment in self.garments],
+                "ours": [f"{self.folder}/{garment}/ours" for garment in self.garments],
+                "networks": [f"{self.folder}/{garment}/posed" for garment in self.garments],
             },
             {"split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
@@ -360,8 +405,10 @@ class _Garment4dTasks:
         """Settings by which the experiment's models depart from the paper's."""
         canonical, posed = self.settings["canonical"], self.settings["posed"]
         settings = {
-            "body_relative_points": canonical["network"]["body_relative_points"],
+            "frames": canonical["training"]["frames"] != PAPER_FRAMES,
+            "width": canonical["network"]["width"] != 1,
             "balance": canonical["loss"]["balance"],
+            "interpenetration": posed["loss"]["interpenetration"] != RELEASED_INTERPENETRATION,
             "pull_neighbours": posed["network"]["pull_neighbours"],
             "smooth_passes": posed["network"]["smooth_passes"],
         }
@@ -386,6 +433,9 @@ _CURVES = {
     "neighbours": "figure 8: neighbours K",
     "missing": "figure 9: missing points",
     "accuracy": "figure 10: segmentation errors",
+    "body_noise": "inexact bodies",
+    "point_noise": "noisy points",
+    "views": "few cameras",
 }
 
 
@@ -410,5 +460,8 @@ MODEL = Model(
     "Garment4D",
     Garment4dSettings,
     _plan,
-    loaders={"garment4d_posed": f"{_HERE}.reconstruct:ReconstructionModel"},
+    loaders={
+        "garment4d_ours": f"{_HERE}.ours.model:OurModel",
+        "garment4d_posed": f"{_HERE}.reconstruct:NetworksModel",
+    },
 )

@@ -106,7 +106,11 @@ class PosedNetwork(nn.Module):
             features = [garment]
             features += [ball(level, garment, search=search) for ball, level, search in balls]
             if self.settings.pull_neighbours:
-                features.append(self.pull(levels[0], garment))
+                features.append(
+                    pull_to_points(
+                        levels[0], garment, self.settings.pull_neighbours, self.adjacency
+                    )
+                )
             rows = torch.cat(features, dim=-1).transpose(0, 1)  # (N, B * T, inputs)
             if iteration and self.attention:
                 rows = torch.cat([rows, self.attention[iteration - 1](hidden, frames)], dim=-1)
@@ -117,18 +121,26 @@ class PosedNetwork(nn.Module):
             out.append(garment.unflatten(0, size))
         return out
 
-    def pull(self, level: PointLevel, garment: torch.Tensor) -> torch.Tensor:
-        """Smoothed offsets (B * T, N, 3) from each vertex to the mean of its nearest points."""
-        squared, index = nearest_neighbours(
-            level.points, garment, self.settings.pull_neighbours, level.valid
-        )
-        exists = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
-        near = (gather_rows(level.points, index) * exists).sum(2)
-        count = exists.sum(2)
-        offset = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
-        for _ in range(_PULL_PASSES):
-            offset = self.adjacency(offset)
-        return offset.transpose(0, 1)
+
+def pull_to_points(
+    level: PointLevel, garment: torch.Tensor, neighbours: int, adjacency: SparseMatrix
+) -> torch.Tensor:
+    """Smoothed offsets (C, N, 3) from each vertex to the mean of its nearest points.
+
+    Args:
+        level: garment points of C clouds.
+        garment: (C, N, 3) metres.
+        neighbours: number of points.
+        adjacency: of `mean_of_neighbours`.
+    """
+    squared, index = nearest_neighbours(level.points, garment, neighbours, level.valid)
+    exists = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
+    near = (gather_rows(level.points, index) * exists).sum(2)
+    count = exists.sum(2)
+    offset = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
+    for _ in range(_PULL_PASSES):
+        offset = adjacency(offset)
+    return offset.transpose(0, 1)
 
 
 class GraphLayers(nn.Module):
@@ -209,9 +221,10 @@ class MgnNetwork(nn.Module):
     """Multi-Garment Net on point clouds: one feature per frame gives all displacements at once.
 
     The displaced canonical garment of every frame is skinned with the weights of the nearest body
-    vertex (K = 1), as in SMPL+D. Untrained, it is skinning alone.
+    vertex (K = 1), as in SMPL+D. Untrained, it is skinning alone, but for the pull of the points.
 
     Args:
+        faces: (F, 3) of the template.
         vertex_count: N.
         level_channels: features per point of each level, of which the last is used.
     """
@@ -219,12 +232,16 @@ class MgnNetwork(nn.Module):
     def __init__(
         self,
         settings: MgnSettings,
+        faces: np.ndarray,
         vertex_count: int,
         level_channels: Sequence[int],
         rng: torch.Generator,
     ) -> None:
         super().__init__()
-        self.scale_m = settings.scale_m
+        self.scale_m, self.pull_neighbours = settings.scale_m, settings.pull_neighbours
+        if settings.pull_neighbours:
+            self.adjacency = SparseMatrix(mean_of_neighbours(faces, vertex_count))
+            self.share = nn.Parameter(torch.tensor(_SHARE))
         self.point = linear(3 + level_channels[-1], settings.widths[0], rng)
         self.layers = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(settings.widths))
         self.last = nn.Linear(settings.widths[-1], 3 * vertex_count)
@@ -252,4 +269,9 @@ class MgnNetwork(nn.Module):
         for layer in self.layers:
             x = torch.relu(layer(x))
         moved = self.scale_m * self.last(x).view(*transforms.shape[:2], -1, 3)
-        return linear_blend_skinning(canonical[:, None] + moved, weights, transforms)
+        garment = linear_blend_skinning(canonical[:, None] + moved, weights, transforms)
+        if not self.pull_neighbours:
+            return garment
+        clouds = garment.flatten(0, 1)
+        pull = pull_to_points(levels[0], clouds, self.pull_neighbours, self.adjacency)
+        return garment + self.share * pull.unflatten(0, garment.shape[:2])

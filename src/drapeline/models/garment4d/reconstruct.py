@@ -1,10 +1,11 @@
-"""Whole sequences of point clouds through trained networks, and what users load to do so.
+"""Whole sequences of point clouds through the paper's networks, and what users load to do so.
 
 Coordinates are metres relative to the root joint, Z up, where nothing else is said. F frames, at 30
 per second, P points of a cloud, N vertices of the garment's template.
 """
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -13,56 +14,49 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from scipy.ndimage import convolve1d
+from scipy.spatial import cKDTree
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.scans import ScanSequence, to_scans
-from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.sequence import BodyFrames
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.data import (
-    BodySequences,
+    Seen,
+    SequenceWindows,
     ShapedBody,
     proposals,
     skinning_weights,
-    spread_rows,
 )
-from drapeline.models.garment4d.final_step import Guess, LaidGarment, Seen
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     PosedStage,
-    load_posed_files,
+    load_seen_forms,
     load_stage,
 )
-from drapeline.models.training.module import BEST, fastest_device
+from drapeline.models.training.module import fastest_device
 from drapeline.outfits.garment_types import LABELS
-from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER
 
-_BATCH = 4  # windows at once
-_CHOSEN_ON = 8  # validation sequences that the final step's proposals are chosen on
-DEFAULT_REFINING = RefineSettings()
-_DEFAULT_STAGE = "posed"  # in the folder of a garment type
 # In simulated clouds of every type at least every sixth point is the garment's, while networks
 # label single points as a garment that is not there.
 LEAST_SHARE = 0.02
+_NEXT = 3.0  # distances between points within which a vertex is next to one
 
 
 class ReconstructedGarment(NamedTuple):
-    """A garment through a sequence, stage by stage; metres, root frame."""
+    """A garment through a sequence, step by step; metres, root frame."""
 
     labels: np.ndarray  # (F, P) uint8 of the points
-    canonical: np.ndarray  # (N, 3) T(alpha')
-    proposal: np.ndarray  # (F, N, 3) interpolated skinning of it
-    final: np.ndarray  # (F, N, 3) with the displacements
+    canonical: np.ndarray  # (N, 3) at rest
+    proposal: np.ndarray  # (F, N, 3) skinned, or in our model simulated
+    final: np.ndarray  # (F, N, 3) moved by displacements, or laid on the points
     seconds: float  # that all of it took
-    first: np.ndarray  # (N, 3) what the final step begins with
 
 
 class Estimate(NamedTuple):
@@ -71,23 +65,14 @@ class Estimate(NamedTuple):
     # (F, P) uint8 of the points, or None from a network without segmentation.
     labels: np.ndarray | None
     canonical: np.ndarray  # (N, 3) metres, T of the mean alpha' of all windows
-    # The same of the alpha that the network started from; None if from none.
-    regressed: np.ndarray | None
     outputs: list[CanonicalOutput]  # of the batches of windows, in order
     seconds: float  # that all of it took
-
-    @property
-    def first(self) -> np.ndarray:
-        """(N, 3) what the final step begins with: the regression's garment where there is one."""
-        return self.canonical if self.regressed is None else self.regressed
 
 
 @torch.inference_mode()
 def estimate(
     stage: CanonicalStage,
     points: np.ndarray,
-    poses: np.ndarray,
-    body: ShapedBody,
     *,
     frames: int | None = None,
     stride: int | None = None,
@@ -97,7 +82,6 @@ def estimate(
 
     Args:
         points: (F, P, 3) clouds, metres, root frame.
-        poses: (F, 72) rad; used by stages with `body_relative_points` alone.
         frames: T of a window; that of the stage's training if None.
         stride: from one window to the next, at most T; T if None.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
@@ -106,16 +90,17 @@ def estimate(
         InputError: the sequence is shorter than a window, or the stride longer than one.
     """
     started = time.perf_counter()
-    windows = _SequenceWindows(len(points), frames or stage.settings.training.frames, stride)
-    if stage.body_relative_points:
-        points = body_relative_points(body.model, body.shape, poses, points)
+    windows = SequenceWindows(len(points), frames or stage.settings.training.frames, stride)
     outputs = list(_estimate_windows(stage, windows, points, labels))
     canonical = _mean_garment(stage, [one.coefficients for one in outputs])
-    regressed = None
-    if stage.network.regression is not None:
-        regressed = _mean_garment(stage, [one.initial_alpha for one in outputs])
-    own_labels = _mean_labels(outputs, windows)
-    return Estimate(own_labels, canonical, regressed, outputs, time.perf_counter() - started)
+    logits = [one.logits.cpu().numpy() for one in outputs if one.logits is not None]
+    own_labels = None
+    if logits:
+        mean = windows.mean(logits[0].shape[2:])
+        for starts, values in zip(windows.batches(), logits, strict=True):
+            mean.add(starts, values)
+        own_labels = mean().argmax(axis=-1).astype(np.uint8)
+    return Estimate(own_labels, canonical, outputs, time.perf_counter() - started)
 
 
 def _mean_garment(stage: CanonicalStage, alpha: Sequence[torch.Tensor]) -> np.ndarray:
@@ -126,43 +111,37 @@ def _mean_garment(stage: CanonicalStage, alpha: Sequence[torch.Tensor]) -> np.nd
 @torch.inference_mode()
 def reconstruct(
     stage: PosedStage,
-    points: np.ndarray,
-    poses: np.ndarray,
-    body: ShapedBody,
+    seen: Seen,
     *,
     stride: int | None = None,
     skinning: SkinningSettings | None = None,
-    labels: np.ndarray | None = None,
     estimated: Estimate | None = None,
 ) -> ReconstructedGarment:
     """Both stages on a whole sequence; a frame in several windows gets the mean of them.
 
     Args:
         stage: trained; it holds the canonical network.
-        points: (F, P, 3) clouds, metres, root frame.
-        poses: (F, 72) rad.
+        seen: the sequence; labels choose the garment's points instead of the network's own.
         stride: from one window to the next, at most T; T if None. The last window is shifted back
             to end with the sequence.
         skinning: of the proposals, where not as in training.
-        labels: (F, P) to choose the garment's points by, instead of the network's own.
         estimated: output of its canonical network for all this, if it is known already.
 
     Raises:
         InputError: the sequence is shorter than a window, or the stride longer than one.
     """
     frames_of_window, faces = stage.settings.training.frames, stage.space.faces
+    body, poses = seen.body, seen.poses
     if estimated is None:
         estimated = estimate(
             stage.canonical,
-            points,
-            poses,
-            body,
+            seen.points,
             frames=frames_of_window,
             stride=stride,
-            labels=labels,
+            labels=seen.labels,
         )
     started = time.perf_counter()
-    windows = _SequenceWindows(len(points), frames_of_window, stride)
+    windows = SequenceWindows(len(poses), frames_of_window, stride)
     canonical = estimated.canonical
     weights = skinning_weights(body, canonical, faces, skinning or stage.settings.skinning)
     transforms = body.transforms(poses)
@@ -185,10 +164,9 @@ def reconstruct(
     if stage.smooth_passes:
         final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
-    assert estimated.labels is not None  # a posed stage has a canonical network that segments
-    return ReconstructedGarment(
-        estimated.labels, canonical, proposal, final, seconds, estimated.first
-    )
+    labels = estimated.labels if seen.labels is None else seen.labels
+    assert labels is not None  # a posed stage has a canonical network that segments
+    return ReconstructedGarment(labels, canonical, proposal, final, seconds)
 
 
 def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
@@ -198,50 +176,9 @@ def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
     return values
 
 
-class _SequenceWindows:
-    """Windows that cover a sequence, a few at a time."""
-
-    def __init__(self, count: int, frames: int, stride: int | None = None) -> None:
-        self.count, self.frames = count, frames
-        starts = window_starts(count, frames, stride or frames, "to reconstruct")
-        self.starts = np.array(starts)
-
-    def batches(self) -> Iterator[np.ndarray]:
-        """First frames of the windows, batch by batch."""
-        for first in range(0, len(self.starts), _BATCH):
-            yield self.starts[first : first + _BATCH]
-
-    def of(self, starts: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Values (F, ...) of windows, (B, T, ...)."""
-        rows = starts[:, None] + np.arange(self.frames)
-        return np.ascontiguousarray(values[rows])
-
-    def mean(self, shape: Sequence[int]) -> "_Mean":
-        """To fill with values of `shape` per frame."""
-        return _Mean(self, shape)
-
-
-class _Mean:
-    """Mean over all windows that hold a frame."""
-
-    def __init__(self, windows: _SequenceWindows, shape: Sequence[int]) -> None:
-        self._frames = windows.frames
-        self._sum = np.zeros((windows.count, *shape), dtype=np.float32)
-        self._held = np.zeros(windows.count, dtype=np.float32)
-
-    def add(self, starts: np.ndarray, values: np.ndarray) -> None:
-        """Values (B, T, ...) of windows."""
-        for start, value in zip(starts, values, strict=True):
-            self._sum[start : start + self._frames] += value
-            self._held[start : start + self._frames] += 1
-
-    def __call__(self) -> np.ndarray:
-        return self._sum / self._held.reshape(-1, *[1] * (self._sum.ndim - 1))
-
-
 def _estimate_windows(
-    stage: CanonicalStage, windows: _SequenceWindows, points: np.ndarray, labels: np.ndarray | None
-) -> Iterator:
+    stage: CanonicalStage, windows: SequenceWindows, points: np.ndarray, labels: np.ndarray | None
+) -> Iterator[CanonicalOutput]:
     for starts in windows.batches():
         cloud = torch.from_numpy(windows.of(starts, points)).to(stage.device)
         if labels is None:
@@ -249,33 +186,6 @@ def _estimate_windows(
         else:
             given = windows.of(starts, np.asarray(labels, dtype=np.int64))
             yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
-
-
-def _mean_labels(outputs: Sequence, windows: _SequenceWindows) -> np.ndarray | None:
-    if outputs[0].logits is None:
-        return None
-    mean = windows.mean(outputs[0].logits.shape[2:])
-    for starts, output in zip(windows.batches(), outputs, strict=True):
-        mean.add(starts, output.logits.cpu().numpy())
-    return mean().argmax(axis=-1).astype(np.uint8)
-
-
-def guess_all(stage: CanonicalStage, sequences: BodySequences) -> Iterator[Guess]:
-    """First guesses that the final step is fitted to: none for training without a regression."""
-    data = sequences.data
-    known = stage.out_of_fold_alpha
-    chosen = [s for s in data.of_split("train") if str(data.name[s]) in known]
-    for sequence in [*chosen, *spread_rows(data.of_split("val", (SIMULATED,)), _CHOSEN_ON)]:
-        rows = data.rows(sequence)
-        found = estimate(stage, data.points[rows], data.poses[rows], sequences.body(sequence))
-        assert found.labels is not None  # PN++ is no part of a posed stage
-        alpha = known.get(str(data.name[sequence]))
-        first = found.first
-        yield Guess(
-            int(sequence),
-            data.space.coefficients(first) if alpha is None else alpha.numpy(),
-            found.labels,
-        )
 
 
 def body_frames(body: ShapedBody, poses: np.ndarray) -> BodyFrames:
@@ -343,42 +253,52 @@ class ReconstructedMotion(NamedTuple):
     # (F, P) uint8, what each of them was taken for: an index into
     # `drapeline.outfits.garment_types.LABELS`, 0 for the body.
     labels: np.ndarray
+    # (F, N) bool, which vertices lie next to points of the garment. Where there are none, cloth is
+    # as in other frames, or as garments of the type are.
+    seen: np.ndarray
 
 
 class ReconstructionSteps(NamedTuple):
     """A reconstruction step by step, relative to the root joint."""
 
-    points: np.ndarray  # (F, P, 3) that the networks were given
+    points: np.ndarray  # (F, P, 3) that the model was given
     body: ShapedBody  # whose garment it is
-    made: ReconstructedGarment  # by the networks
-    laid: LaidGarment  # by our final step, or by the networks if it is left out
+    made: ReconstructedGarment
 
 
-class ReconstructionModel:
-    """Garment4D for one garment type.
+class ReconstructionModel(ABC):
+    """A trained model of the garments of one type in point clouds.
 
     Args:
-        folder: of the type, such as `results/garment4d/Skirt`, or of one of its posed stages.
-        device: to run on; CUDA where there is such a device if None.
+        folder: that its training left.
+        device: to run networks on; CUDA where there is such a device if None.
 
     Attributes:
         folder: with the checkpoint.
-        stage: trained networks.
+        garment: the type.
+        space: its shapes at rest.
         bodies: of both genders.
-        points: of a cloud that the networks were trained on.
-        final_step: our final step.
+        points: of a cloud that it was trained on.
 
     Raises:
-        InputError: a file is missing or damaged, or holds a network of another stage.
+        InputError: a file is missing or damaged, or holds another model.
     """
 
+    garment: str
+    space: GarmentSpace
+
     def __init__(self, folder: str | Path, device: torch.device | str | None = None) -> None:
-        self.folder = stage_folder(folder)
-        stage = load_stage(self.folder, PosedStage)
-        self.stage: PosedStage = stage.to(device or fastest_device())
-        files = load_posed_files(self.folder, stage)
-        self.bodies, self.points, self.final_step = files
-        self.garment = LABELS[stage.label]
+        self.folder = Path(folder)
+        self.device = torch.device(device or fastest_device())
+        self.bodies, self.points = load_seen_forms(self.folder)
+
+    @abstractmethod
+    def make(self, seen: Seen) -> ReconstructedGarment:
+        """The garment in clouds, by the labels of their points where they are known.
+
+        Raises:
+            InputError: there are fewer frames than in a window.
+        """
 
     def reconstruct(
         self,
@@ -388,7 +308,6 @@ class ReconstructionModel:
         *,
         gender: str = GENDERS[0],
         trans: np.ndarray | None = None,
-        refining: RefineSettings | None = DEFAULT_REFINING,
         least_share: float = LEAST_SHARE,
         seed: int = 0,
     ) -> ReconstructedMotion:
@@ -396,17 +315,15 @@ class ReconstructionModel:
 
         Args:
             points: (F, P, 3), or F clouds (n, 3) of different sizes; metres, Z up. Points are
-                dropped or repeated as the networks need.
+                dropped or repeated as the model needs.
             poses: (F, 72) SMPL's axis-angle, rad; the root rotation takes the body from Y up to
                 Z up.
             shape: (10,) SMPL's shape coefficients.
             gender: "female" or "male".
             trans: (F, 3) position of the root joint in the frame of the clouds, metres; the origin
                 if None.
-            refining: weights of our final step, which lays the garment on the points; None leaves
-                it out.
             least_share: of the points that have to be taken for the garment; with fewer, the
-                networks would return little more than the mean garment.
+                model would return little more than the mean garment.
 
         Raises:
             InputError: arrays have other shapes or are not finite, the clouds are not near the
@@ -421,55 +338,84 @@ class ReconstructionModel:
             "trans": np.zeros((len(np.atleast_1d(poses)), 3)) if trans is None else trans,
         }
         scans = to_scans(points, parameters, self.bodies.models)
-        steps = self.reconstruct_steps(
-            scans, refining, name="points", seed=seed, least_share=least_share
-        )
+        steps = self.reconstruct_steps(scans, name="points", seed=seed, least_share=least_share)
         root = scans.body.trans.astype(np.float32)[:, None]
         return ReconstructedMotion(
             self.garment,
-            steps.laid.final + root,
-            self.stage.space.faces,
-            steps.laid.canonical,
+            steps.made.final + root,
+            self.space.faces,
+            steps.made.canonical,
             steps.points + root,
             steps.made.labels,
+            seen_vertices(
+                steps.made.final, steps.points, steps.made.labels == LABELS.index(self.garment)
+            ),
         )
 
     def reconstruct_steps(
-        self,
-        scans: ScanSequence,
-        refining: RefineSettings | None,
-        *,
-        name: str,
-        seed: int,
-        least_share: float = LEAST_SHARE,
+        self, scans: ScanSequence, *, name: str, seed: int, least_share: float = LEAST_SHARE
     ) -> ReconstructionSteps:
         """The same of scans, with what each step makes.
 
         Args:
             scans: with the body.
-            refining: of our final step; None leaves it out.
             least_share: of the points that have to be taken for the garment.
 
         Raises:
             InputError: there are fewer frames than in a window, or fewer of the garment's points.
         """
-        motion, stage = scans.body, self.stage
+        motion = scans.body
         clouds = scans.points(self.points, seed=seed)
         body = self.bodies.of(motion.gender, motion.shape)
-        made = reconstruct(stage, clouds, motion.poses, body)
-        check_labels(name, made.labels == stage.label, self.garment, least_share)
-        laid = LaidGarment(made.canonical, made.proposal, made.final)
-        if refining is not None:
-            seen = Seen(clouds, made.labels, motion.poses, motion.trans, body)
-            laid = self.final_step(made.first, seen, refining)
-        return ReconstructionSteps(clouds, body, made, laid)
+        made = self.make(Seen(clouds, motion.poses, motion.trans, body))
+        chosen = made.labels == LABELS.index(self.garment)
+        check_labels(name, chosen, self.garment, least_share)
+        seen = seen_vertices(made.final, clouds, chosen)
+        LOGGER.info(
+            "%s: on average %.0f %% of the %s was seen in a frame, and %.0f %% in none",
+            name,
+            100 * seen.mean(),
+            self.garment,
+            100 * (~seen.any(axis=0)).mean(),
+        )
+        return ReconstructionSteps(clouds, body, made)
 
 
-def stage_folder(folder: str | Path) -> Path:
-    """A folder with a checkpoint; of one without, such as that of a garment type, its `posed`."""
-    folder = Path(folder)
-    inner = folder / _DEFAULT_STAGE
-    return inner if inner.is_dir() and not (folder / BEST).is_file() else folder
+class NetworksModel(ReconstructionModel):
+    """Garment4D as the paper has it, see `ReconstructionModel`.
+
+    Args:
+        folder: of a posed stage, such as `results/garment4d/Skirt/posed`.
+
+    Attributes:
+        stage: trained networks.
+    """
+
+    def __init__(self, folder: str | Path, device: torch.device | str | None = None) -> None:
+        super().__init__(folder, device)
+        self.stage = load_stage(self.folder, PosedStage).to(self.device)
+        self.garment, self.space = self.stage.garment, self.stage.space
+
+    def make(self, seen: Seen) -> ReconstructedGarment:
+        """See `ReconstructionModel`."""
+        return reconstruct(self.stage, seen)
+
+
+def seen_vertices(garment: np.ndarray, points: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(F, N) bool, which vertices have a point of the garment next to them.
+
+    Args:
+        garment: (F, N, 3) metres.
+        points: (F, P, 3).
+        chosen: (F, P) bool, the garment's.
+    """
+    seen = np.zeros(garment.shape[:2], dtype=bool)
+    for frame, (vertices, cloud, own) in enumerate(zip(garment, points, chosen, strict=True)):
+        if own.sum() > 1:
+            tree = cKDTree(cloud[own])
+            spacing_m = np.median(tree.query(tree.data, k=2)[0][:, 1])
+            seen[frame] = tree.query(vertices)[0] < _NEXT * spacing_m
+    return seen
 
 
 def check_labels(

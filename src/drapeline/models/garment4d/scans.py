@@ -26,27 +26,23 @@ from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.compare import fit_scans
-from drapeline.models.garment4d.data import ShapedBody
-from drapeline.models.garment4d.final_step import Seen
+from drapeline.models.garment4d.data import Seen, ShapedBody
+from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.reconstruct import (
-    DEFAULT_REFINING,
+    NetworksModel,
     ReconstructedGarment,
     ReconstructionModel,
     body_frames,
     build_reconstruction,
-    reconstruct,
 )
 from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
-from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.schema import Table
 from drapeline.seeding import rng_for
 
-PCA, MOVED, POSED, REFINED = (
-    f"garment4d_scan_{name}" for name in ("pca", "moved", "posed", "ours")
-)
+PCA, MOVED, POSED, OURS = (f"garment4d_scan_{name}" for name in ("pca", "moved", "posed", "ours"))
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
 _CORNER = 1e-3  # share from which a corner takes part in a place on a face
 _BEYOND = 3.0  # distances between points, from which a vertex is off the cloud
@@ -70,71 +66,69 @@ class FitTemplate:
 class Garment4dScanFitter:
     """Fulfils `ScanFitter`.
 
-    The components alone are fitted to the garment's points, and the garment moved to them. The
-    networks are given the scan as a
-    body that stands still, with its labels; what they find is shown as it is and after the final
-    step, which fits it to the points.
+    The components alone are fitted to the garment's points, and the garment moved to them. Our
+    model and the paper's networks are given the scan as a body that stands still, with its labels.
 
     Args:
-        models: trained, of the types that they know.
+        ours: our models by type.
+        networks: the paper's of the same types.
     """
 
     def __init__(
-        self, models: Mapping[str, ReconstructionModel], settings: FitTemplate, seed: int
+        self,
+        ours: Mapping[str, OurModel],
+        networks: Mapping[str, NetworksModel],
+        settings: FitTemplate,
+        seed: int,
     ) -> None:
-        self._models, self._settings, self._seed = models, settings, seed
+        self._ours, self._networks = ours, networks
+        self._settings, self._seed = settings, seed
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
         """The garments that models know, in four ways."""
-        found: dict[str, dict[str, Mesh]] = {PCA: {}, POSED: {}, REFINED: {}}
+        found: dict[str, dict[str, Mesh]] = {PCA: {}, POSED: {}, OURS: {}}
         at_rest: dict[str, Mesh] = {}
         for name in scan.garments:
-            if name in self._models:
-                model = self._models[name]
-                faces = model.stage.space.faces
-                wearer = model.bodies.models[scan.gender]
+            if name in self._ours:
+                ours = self._ours[name]
+                faces = ours.space.faces
+                wearer = ours.bodies.models[scan.gender]
                 rng = rng_for(self._seed, "template", scan.name, name)
-                fitted = fit_template(
-                    model.stage.space, scan, name, wearer, body, self._settings, rng
-                )
+                fitted = fit_template(ours.space, scan, name, wearer, body, self._settings, rng)
                 at_rest[name] = Mesh(fitted, faces)
-                posed, refined = self._networks(model, scan, body)
-                found[POSED][name], found[REFINED][name] = Mesh(posed, faces), Mesh(refined, faces)
+                networks = self._networks[name]
+                seen = self._see(networks, networks.stage.settings.training.frames, scan, body)
+                found[POSED][name] = Mesh(_middle(networks.make(seen).final, body), faces)
+                seen = self._see(ours, ours.guesser.frames, scan, body)
+                # Nothing moves, so that nothing is to be simulated.
+                step = replace(ours.final_step, simulated=False)
+                laid = step(ours.guesser.guess(seen).canonical, seen, ours.refining)
+                found[OURS][name] = Mesh(_middle(laid.final, body), faces)
         if at_rest:
             person = follow.pose_body(wearer, body.shape, body.pose, body.trans)
             found[PCA] = pose_in_layers(at_rest, person, self._settings.skinning)
             found[MOVED] = move_to_scan(found[PCA], at_rest, scan, person)
         return {variant: garments for variant, garments in found.items() if garments}
 
-    def _networks(
-        self, model: ReconstructionModel, scan: SegmentedScan, body: BodyState
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) of the networks, and after the final step, in the scan's world."""
-        frames = model.stage.settings.training.frames
+    def _see(
+        self, model: ReconstructionModel, frames: int, scan: SegmentedScan, body: BodyState
+    ) -> Seen:
+        """The scan as so many frames of a body that stands still, of other points each."""
         rng = rng_for(self._seed, "networks", scan.name, model.garment)
-        count = model.points
-        chosen = np.stack(
-            [
-                rng.choice(len(scan.points), count, replace=len(scan.points) < count)
-                for _ in range(frames)
-            ]
+        total, count = len(scan.points), model.points
+        chosen = np.stack([rng.choice(total, count, replace=total < count) for _ in range(frames)])
+        return Seen(
+            (scan.points[chosen] - body.trans).astype(np.float32),
+            np.tile(body.pose, (frames, 1)),
+            np.tile(body.trans, (frames, 1)),
+            model.bodies.of(scan.gender, body.shape),
+            scan.labels[chosen],
         )
-        clouds = (scan.points[chosen] - body.trans).astype(np.float32)
-        poses = np.tile(body.pose, (frames, 1))
-        wearer = model.bodies.of(scan.gender, body.shape)
-        made = reconstruct(model.stage, clouds, poses, wearer, labels=scan.labels[chosen])._replace(
-            labels=scan.labels[chosen]
-        )
-        trans = np.tile(body.trans, (frames, 1))
-        seen = Seen(clouds, made.labels, poses, trans, wearer)
-        # Nothing moves, so that nothing is to be simulated.
-        step = replace(model.final_step, simulated=False)
-        laid = step(made.first, seen, DEFAULT_REFINING)
-        middle = frames // 2
-        networks, ours = (
-            (part[middle] + body.trans).astype(np.float32) for part in (made.final, laid.final)
-        )
-        return networks, ours
+
+
+def _middle(garment: np.ndarray, body: BodyState) -> np.ndarray:
+    """The middle one of frames (F, N, 3), in the scan's world."""
+    return (garment[len(garment) // 2] + body.trans).astype(np.float32)
 
 
 def fit_template(
@@ -221,18 +215,13 @@ class ScannedGarment(NamedTuple):
     """A garment reconstructed from scans; metres, root frame."""
 
     canonical: np.ndarray  # (N, 3)
-    final: np.ndarray  # (F, N, 3) of our final step
+    final: np.ndarray  # (F, N, 3)
     rows: Table  # of the table of metrics
-    shown: Reconstruction  # some frames with all stages, for figures
+    shown: Reconstruction  # some frames with all steps, for figures
 
 
 def reconstruct_scans(
-    scans: ScanSequence,
-    model: ReconstructionModel,
-    refining: RefineSettings,
-    *,
-    name: str,
-    seed: int,
+    scans: ScanSequence, model: ReconstructionModel, *, name: str, seed: int
 ) -> ScannedGarment:
     """The garment of a model's type in scans.
 
@@ -243,25 +232,22 @@ def reconstruct_scans(
     Raises:
         InputError: see `ReconstructionModel.reconstruct_steps`.
     """
-    clouds, body, made, laid = model.reconstruct_steps(scans, refining, name=name, seed=seed)
-    some = np.arange(0, len(laid.final), -(-len(laid.final) // _SHOWN))
+    clouds, body, made = model.reconstruct_steps(scans, name=name, seed=seed)
+    some = np.arange(0, len(made.final), -(-len(made.final) // _SHOWN))
     shown = build_reconstruction(
         made._replace(
-            labels=made.labels[some],
-            canonical=laid.canonical,
-            proposal=laid.proposal[some],
-            final=laid.final[some],
+            labels=made.labels[some], proposal=made.proposal[some], final=made.final[some]
         ),
         name=name,
         garment=model.garment,
-        faces=model.stage.space.faces,
+        faces=model.space.faces,
         points=clouds[some],
         poses=scans.body.poses[some],
         body=body,
         number=some,
     )
-    rows = _measure(scans, body, model.garment, made, laid.final, seed)
-    return ScannedGarment(laid.canonical, laid.final, rows, shown)
+    rows = _measure(scans, body, model.garment, made, seed)
+    return ScannedGarment(made.canonical, made.final, rows, shown)
 
 
 def _measure(
@@ -269,14 +255,12 @@ def _measure(
     body: ShapedBody,
     garment: str,
     made: ReconstructedGarment,
-    final: np.ndarray,
     seed: int,
 ) -> Table:
-    """Table 5 for the proposals, the posed stage and our final step, against the whole scans."""
+    """Table 5 before and after the garment is laid on the points, against the whole scans."""
     moving = body_frames(body, scans.body.poses)
     tables = []
-    steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
-    for variant, vertices in steps.items():
+    for variant, vertices in {"ours_proposals": made.proposal, "ours": made.final}.items():
         measures = metrics.sequence_measures(
             vertices, body=moving, points=[scan.points for scan in scans.scans]
         )
@@ -286,8 +270,9 @@ def _measure(
 
 
 def fit_to_scans(job: Job) -> None:
-    """Garment4D's components and networks in held-out scans."""
+    """Garment4D's components, its networks and our model in held-out scans."""
     torch.set_num_threads(job.threads)
-    models = {model.garment: model for model in map(ReconstructionModel, job.input.models)}
-    fitter = Garment4dScanFitter(models, FitTemplate(), job.params.seed)
+    ours = {model.garment: model for model in map(OurModel, job.input.ours)}
+    networks = {model.garment: model for model in map(NetworksModel, job.input.networks)}
+    fitter = Garment4dScanFitter(ours, networks, FitTemplate(), job.params.seed)
     fit_scans(job, fitter, load_bodies(job.input))

@@ -13,21 +13,31 @@ from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, Ski
 
 # Points per cloud in the released code.
 _POINTS = 6890
+PAPER_FRAMES = 10  # T of a window
+RELEASED_INTERPENETRATION = 100  # lambda_7 of equation 7 in the released code
 _Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
 _Path = Annotated[str, Field(min_length=1)]
+_PULLED = {"network": {"pull_neighbours": 4, "smooth_passes": 8}}
 # Variant -> group -> setting -> value, laid over the experiment's settings of the posed stage.
 POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "posed": {},
     "no_body_encoder": {"network": {"body_encoder": False}},
     "no_transformer": {"network": {"transformer": "none"}},
-    # Without what the default adds to the paper's posed stage, and with the released code's loss.
-    "as_printed": {
-        "network": {"pull_neighbours": 0, "smooth_passes": 0},
-        "loss": {"interpenetration": 100},
+    # With the loss of the released code.
+    "released_loss": {
+        "loss": {
+            "interpenetration": RELEASED_INTERPENETRATION,
+            "laplacian_form": "released",
+            "temporal_form": "released",
+        }
     },
+    # With what is ours: vertices drawn to points, and displacements averaged over frames.
+    "pulled": _PULLED,
     # Weights of the nearest body vertex, as in SMPL+D.
     "nearest_weights": {"skinning": {"neighbours": 1, "passes": 0}},
 }
+# The same of MGN*.
+MGN_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {"mgn": {}, "mgn_pulled": _PULLED}
 
 
 class Garment4dTraining(EpochTraining):
@@ -189,12 +199,23 @@ class CanonicalLayers(Settings):
         )
 
 
-class CanonicalSettings(Settings):
-    """The canonical network, as the released one scaled to clouds and width."""
+class SegmentationSettings(Settings):
+    """A network that labels points, as the released one scaled to clouds and width."""
 
     width: float = Field(
         0.25, gt=0, le=4, description="Factor on the number of features of all layers."
     )
+    points: SkipJsonSchema[int] = Field(1024, ge=1, description="Points per cloud.")
+    layers: SkipJsonSchema[CanonicalLayers] = CanonicalLayers()
+
+    def scaled_layers(self) -> CanonicalLayers:
+        """Its layers."""
+        return self.layers.scale(self.points, self.width)
+
+
+class CanonicalSettings(SegmentationSettings):
+    """The canonical network."""
+
     garment_points: Annotated[int, Field(ge=16, le=100_000)] | None = Field(
         None,
         description=(
@@ -202,23 +223,38 @@ class CanonicalSettings(Settings):
             "of a cloud's points."
         ),
     )
-    body_relative_points: bool = Field(
-        True,
-        description=(
-            "Whether points also say where on the known body they are, labels are given maps of "
-            "the body made from them, and alpha starts from a regression on such maps. The "
-            "paper's networks do not have this, but a hundred garments are not enough to learn to "
-            "factor out poses from points alone."
-        ),
-    )
-    points: SkipJsonSchema[int] = Field(1024, ge=1, description="Points per cloud.")
-    layers: SkipJsonSchema[CanonicalLayers] = CanonicalLayers()
 
     def scaled_layers(self) -> CanonicalLayers:
         """Its layers."""
-        scaled = self.layers.scale(self.points, self.width)
-        most = self.garment_points
+        scaled, most = super().scaled_layers(), self.garment_points
         return scaled if most is None else scaled.replace(garment_points=most)
+
+
+_Balance = Annotated[
+    float,
+    Field(
+        ge=0,
+        le=1,
+        description=(
+            "Weight of a point is its label's share of the training points to the power of minus "
+            "this; tops have only 8 % of the points. The paper's is 0."
+        ),
+    ),
+]
+
+
+class LabelWeights(Settings):
+    """The loss of labels."""
+
+    balance: _Balance = 0.5
+
+
+class LabelStageSettings(StageSettings):
+    """The network that labels points for our model."""
+
+    network: SegmentationSettings = SegmentationSettings()
+    loss: LabelWeights = LabelWeights()
+    training: Garment4dTraining = Garment4dTraining(epochs=3)
 
 
 class CanonicalWeights(Settings):
@@ -235,15 +271,7 @@ class CanonicalWeights(Settings):
             "Squared lengths of Lx against those of the truth, or lengths as in the released code."
         ),
     )
-    balance: float = Field(
-        0.5,
-        ge=0,
-        le=1,
-        description=(
-            "Weight of a point is its label's share of the training points to the power of minus "
-            "this; tops have only 8 % of the points."
-        ),
-    )
+    balance: _Balance = 0.5
 
 
 class CanonicalStageSettings(StageSettings):
@@ -253,7 +281,30 @@ class CanonicalStageSettings(StageSettings):
     loss: CanonicalWeights = CanonicalWeights()
 
 
-class PosedSettings(Settings):
+class PulledSettings(Settings):
+    """What may be added to the paper's posed networks."""
+
+    pull_neighbours: int = Field(
+        0,
+        ge=0,
+        le=64,
+        description=(
+            "In each iteration, vertices move by a learned share towards the mean of this many "
+            "nearest garment points; 0 as in the paper."
+        ),
+    )
+    smooth_passes: int = Field(
+        0,
+        ge=0,
+        le=200,
+        description=(
+            "Passes of averaging over neighbouring frames, on the displacements of a whole "
+            "reconstructed sequence; 0 as in the paper. A change retrains the stage."
+        ),
+    )
+
+
+class PosedSettings(PulledSettings):
     """Sizes of the posed network."""
 
     iterations: int = Field(3, ge=1, le=20, description="Number of displacements J.")
@@ -267,25 +318,6 @@ class PosedSettings(Settings):
         description=(
             "Layers of the perceptron within each ball; with 1, features are computed before they "
             "are gathered."
-        ),
-    )
-    pull_neighbours: int = Field(
-        4,
-        ge=0,
-        le=64,
-        description=(
-            "In each iteration, vertices move by a learned share towards the mean of this many "
-            "nearest garment points; 0 as in the paper. A few sequences are not enough to learn "
-            "to follow the nearest points."
-        ),
-    )
-    smooth_passes: int = Field(
-        8,
-        ge=0,
-        le=200,
-        description=(
-            "Passes of averaging over neighbouring frames, on the displacements of a whole "
-            "reconstructed sequence; 0 as in the paper. A change retrains the stage."
         ),
     )
     garment_radii_m: tuple[Annotated[float, Field(gt=0, le=2)], ...] = Field(
@@ -356,7 +388,7 @@ class PosedStageSettings(StageSettings):
     skinning: SkipJsonSchema[SkinningSettings] = SkinningSettings()
 
 
-class MgnSettings(Settings):
+class MgnSettings(PulledSettings):
     """Sizes of the MGN* baseline."""
 
     widths: tuple[Annotated[int, Field(ge=1, le=8192)], ...] = Field(
@@ -379,11 +411,7 @@ class MgnStageSettings(StageSettings):
 
 
 class EvaluationSettings(Settings):
-    """Evaluations besides that of the plain reconstruction.
-
-    Noisy bodies are left out where there is no noise at all; the noise on poses is the same in all
-    frames of a sequence.
-    """
+    """Evaluations besides that of the plain reconstruction."""
 
     stride: int = Field(
         0, ge=0, le=300, description="Frames from one window to the next; at most T, and 0 means T."
@@ -397,16 +425,26 @@ class EvaluationSettings(Settings):
     accuracy: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], EachOnce()] = Field(
         (1.0, 0.7), description="Shares of correct labels for figure 10."
     )
-    noise_pose_rad: float = Field(
-        0.05,
-        ge=0,
-        le=1,
-        description="Standard deviation of the noise on the poses of the noisy body, in radians.",
+    body_noise_rad: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], EachOnce()] = Field(
+        (0.05, 0.1),
+        description=(
+            "Standard deviations of noise on the poses of the body, in radians, the same in all "
+            "frames; ten times as much is on its shape coefficients."
+        ),
     )
-    noise_shape: float = Field(
-        0.5, ge=0, le=5, description="Standard deviation of the noise on its shape coefficients."
+    point_noise_m: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], EachOnce()] = Field(
+        (0.01,), description="Standard deviations of noise on points, in metres."
+    )
+    views: Annotated[tuple[Annotated[int, Field(ge=1, le=64)], ...], EachOnce()] = Field(
+        (1, 2), description="Numbers of cameras around the person that see the points."
     )
     seed: SkipJsonSchema[int] = Field(0, description="Seed of holes, labels, noise and intervals.")
+
+    @property
+    def degrades(self) -> bool:
+        """Whether anything is measured with worse inputs."""
+        kinds = (self.missing, self.accuracy, self.body_noise_rad, self.point_noise_m, self.views)
+        return any(kinds)
 
 
 class Template(Settings):
@@ -470,6 +508,10 @@ class Garment4dSettings(Settings):
         1000, ge=16, le=100_000, description="Body vertices that the networks see."
     )
     skinning: SkinningSettings = SkinningSettings()
+    labels: LabelStageSettings = Field(
+        LabelStageSettings(),
+        description="Labels of points for our model, one network for all types.",
+    )
     canonical: CanonicalStageSettings = CanonicalStageSettings()
     posed: PosedStageSettings = PosedStageSettings()
     mgn: MgnStageSettings = MgnStageSettings()
@@ -480,8 +522,7 @@ class Garment4dSettings(Settings):
         description=(
             "How garments move before our final step lays them on the points: with the body by "
             "skinning, by the fast cloth solver, or, of skirts and trousers, by what is closer on "
-            "validation sequences. "
-            "A change retrains the posed stage."
+            "validation sequences. A change fits our model again."
         ),
     )
     evaluation: EvaluationSettings = EvaluationSettings()

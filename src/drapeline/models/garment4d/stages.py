@@ -1,4 +1,4 @@
-"""Trainings of both stages and of their baselines, and the folders that they leave.
+"""Trainings of the paper's stages and of their baselines, and the folders that they leave.
 
 The canonical stage is trained first, or PN++ in its place; the posed stage, or MGN*, is trained on
 the levels of points and the canonical garments of a finished one.
@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 import torch
@@ -29,7 +29,6 @@ from drapeline.models.garment4d.data import (
     DressedSequences,
     Windows,
 )
-from drapeline.models.garment4d.final_step import FINAL_STEP_FORMS, FinalStep, load_final_step
 from drapeline.models.garment4d.losses import (
     CotangentLaplacian,
     UniformLaplacian,
@@ -46,7 +45,7 @@ from drapeline.models.garment4d.settings import (
 )
 from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.training.batches import Batch, ByteCache, as_tensors
+from drapeline.models.training.batches import Batch, ByteCache
 from drapeline.models.training.checkpoints import (
     building,
     load_state,
@@ -57,69 +56,47 @@ from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
 from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import GarmentSpace
-from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
 from drapeline.storage import forms_of, load_npz, save_npz
 
-_THINNED = (1, 2, 4)  # maps are fitted to every point, every second and every fourth one
 _BATCH = 4  # windows at once where no gradient is wanted
 _KEPT_BYTES = 1 << 30  # of the answers to searches in windows, and of their levels, each
 _SIZES, _BODIES = "reconstruction.npz", "bodies"
 
 
 class Stage(TrainableModule):
-    """A stage of Garment4D in training.
+    """A network of Garment4D in training on windows of sequences.
 
     Args:
         settings: of the subclass's `SETTINGS`.
-        label: the type's index in `LABELS`.
 
     Attributes:
         checkpoint_type: name of the class in checkpoints; also seeds the initial weights.
-        ERROR: name of the error in mm that is logged beside the loss.
-        MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
+        ERROR: name of the error that is logged beside the loss.
     """
 
     checkpoint_type: ClassVar[str]
     SETTINGS: ClassVar[type[StageSettings]]
     ERROR: ClassVar[str]
-    MOST_VALIDATED: ClassVar[int | None] = None
     settings: StageSettings
-    laplacian: CotangentLaplacian | UniformLaplacian
 
-    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+    def __init__(self, settings: StageSettings) -> None:
         super().__init__()
-        self.settings, self.space, self.label = settings, space, label
-        self.laplacian = CotangentLaplacian(space.mean, space.faces)
+        self.settings = settings
 
-    @property
-    def body_relative_points(self) -> bool:
-        """Whether points also say where on the body they are."""
-        return self.settings.network.body_relative_points
+    @classmethod
+    @abstractmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
+        """An untrained one, from what `checkpoint_metadata` gave."""
 
     def weight_rng(self) -> torch.Generator:
         """For the initial weights."""
         rng = rng_for(self.settings.training.seed, self.checkpoint_type, "weights")
         return torch.Generator().manual_seed(int(rng.integers(2**62)))
 
-    # ---- what differs between stages
-
     @abstractmethod
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Named terms with their `total`, and `ERROR`, a scalar."""
-
-    def dependencies(self) -> dict[str, Any]:
-        """JSON values that the result depends on besides settings and data."""
-        return {}
-
-    def training_sequences(self, sequences: BodySequences) -> BodySequences:
-        """Those sequences with all that batches of this stage hold."""
-        return sequences
-
-    def prepare(self, windows: Windows) -> None:
-        """Take from the training windows what is not learned in steps."""
-
-    # ---- training
 
     def training_step(self, batch: Batch) -> torch.Tensor:
         """Loss of a batch."""
@@ -136,12 +113,58 @@ class Stage(TrainableModule):
 
     def checkpoint_metadata(self) -> dict[str, Any]:
         """All that is needed to build the module again, as plain values and tensors."""
+        return {"checkpoint_type": self.checkpoint_type, "settings": self.settings.plain()}
+
+
+class GarmentStage(Stage):
+    """A stage that is trained for a garment type.
+
+    Args:
+        settings: of the subclass's `SETTINGS`.
+        label: the type's index in `LABELS`.
+
+    Attributes:
+        garment: the type.
+        MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
+    """
+
+    MOST_VALIDATED: ClassVar[int | None] = None
+    laplacian: CotangentLaplacian | UniformLaplacian
+
+    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__(settings)
+        self.space, self.label, self.garment = space, label, LABELS[label]
+        self.laplacian = CotangentLaplacian(space.mean, space.faces)
+
+    def dependencies(self) -> dict[str, Any]:
+        """JSON values that the result depends on besides settings and data."""
+        return {}
+
+    def training_sequences(self, sequences: BodySequences) -> BodySequences:
+        """Those sequences with all that batches of this stage hold."""
+        return sequences
+
+    def prepare(self, windows: Windows) -> None:
+        """Take from the training windows what is not learned in steps."""
+
+    def checkpoint_metadata(self) -> dict[str, Any]:
+        """With the type and its space."""
         return {
-            "checkpoint_type": self.checkpoint_type,
-            "settings": self.settings.plain(),
+            **super().checkpoint_metadata(),
             "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
             "label": self.label,
         }
+
+
+def space_of(metadata: Mapping[str, Any]) -> GarmentSpace:
+    """The garment space of what `checkpoint_metadata` gave.
+
+    Raises:
+        InputError: an array is missing or of another form.
+    """
+    arrays = {key: value.numpy() for key, value in metadata["space"].items()}
+    check_arrays(arrays, forms_of(GarmentSpace))
+    return GarmentSpace(**arrays)
 
 
 def window_keys(batch: Batch) -> list[tuple[int, int]]:
@@ -149,17 +172,12 @@ def window_keys(batch: Batch) -> list[tuple[int, int]]:
     return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
 
 
-def sequence_names(batch: Batch) -> list[str]:
-    """Name of the sequence that each window of a batch is from."""
-    return [name.rpartition("/")[0] for name in batch["names"]]
-
-
 def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     """Mean distance in mm of vertices (..., 3) in metres."""
     return 1000 * (predicted.detach() - true).norm(dim=-1).mean()
 
 
-class CanonicalStage(Stage):
+class CanonicalStage(GarmentStage):
     """Canonical garment estimation, with the loss of equation 4."""
 
     checkpoint_type = "garment4d_canonical"
@@ -173,60 +191,29 @@ class CanonicalStage(Stage):
         super().__init__(settings, space, label)
         self.network = self.build()
         self.register_buffer("label_weights", torch.ones(len(LABELS)))
-        self.out_of_fold_alpha: dict[str, torch.Tensor] = {}
         self._memory = SearchMemory(_KEPT_BYTES)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
+        """An untrained one, from what `checkpoint_metadata` gave."""
+        settings = CanonicalStageSettings(**metadata["settings"])
+        return cls(settings, space_of(metadata), metadata["label"])
 
     def build(self) -> torch.nn.Module:
         """The network that is trained."""
         network, rng = self.settings.network, self.weight_rng()
         return CanonicalNetwork(network, self.space, self.label, rng)
 
-    def prepare(self, windows: Windows) -> None:
-        """Balance labels by their share of the training points, and fit the regression of alpha.
+    def untrained(self) -> Self:
+        """The same stage with the weights that its training began with."""
+        stage = deepcopy(self)
+        stage.network = self.build().to(self.device)
+        return stage.eval()
 
-        `out_of_fold_alpha` then holds, for each training sequence, the estimate of a regression
-        that was fitted without it. Training starts from those: they are as wrong as the estimates
-        for new garments will be.
-        """
+    def prepare(self, windows: Windows) -> None:
+        """Balance labels by their share of the training points."""
         share = windows.sequences.data.label_share("train")
         self.label_weights.copy_(balance_labels(share, self.settings.loss.balance))
-        network = self.network
-        if network.regression is None:
-            return
-        names, maps, coefficients, complete = [], [], [], []
-        rows = windows.rows("train")
-        for part in np.array_split(rows, -(-len(rows) // _BATCH)):
-            batch = as_tensors(windows.batch(part))
-            points, chosen = batch["points"], network.choose(batch["labels"])
-            for step in _THINNED:
-                names += sequence_names(batch)
-                complete += [step == 1] * len(part)
-                maps.append(network.maps(points[:, :, ::step], chosen[:, :, ::step]))
-                coefficients.append(batch["coefficients"])
-        if len(set(names)) < 2:
-            LOGGER.warning(
-                "only one training sequence: alpha starts from 0, not from a regression on maps of"
-                " the body"
-            )
-            return
-        predictions, error = network.regression.fit(
-            torch.cat(maps).numpy(),
-            torch.cat(coefficients).numpy(),
-            names,
-            self.space.metric(),
-        )
-        LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
-        of_sequence = np.where(complete, names, "")
-        self.out_of_fold_alpha = {
-            name: torch.from_numpy(predictions[of_sequence == name].mean(axis=0))
-            for name in dict.fromkeys(names)
-        }
-
-    def initial_alpha(self, names: Sequence[str]) -> torch.Tensor | None:
-        """(B, D) alpha that training sequences start from; None if no regression was fitted."""
-        if not self.out_of_fold_alpha:
-            return None
-        return torch.stack([self.out_of_fold_alpha[name] for name in names]).to(self.device)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
@@ -252,16 +239,11 @@ class CanonicalStage(Stage):
         """
         if not self.training:
             return self.network(batch["points"])
-        initial_alpha = self.initial_alpha(sequence_names(batch))
-        return self.network(batch["points"], batch["labels"], initial_alpha, self.searches(batch))
+        return self.network(batch["points"], batch["labels"], self.searches(batch))
 
     def searches(self, batch: Batch) -> Searches:
         """Remembered in training: points and their true labels are the same in every epoch."""
         return self._memory.of(window_keys(batch)) if self.training else SEARCH_ANEW
-
-    def checkpoint_metadata(self) -> dict[str, Any]:
-        """With `out_of_fold_alpha`, which the posed stage is trained on."""
-        return {**super().checkpoint_metadata(), "out_of_fold_alpha": self.out_of_fold_alpha}
 
 
 class PointNetStage(CanonicalStage):
@@ -275,11 +257,10 @@ class PointNetStage(CanonicalStage):
 
     def estimate(self, batch: Batch) -> CanonicalOutput:
         """Garments of a batch."""
-        initial_alpha = self.initial_alpha(sequence_names(batch)) if self.training else None
-        return self.network(batch["points"], initial_alpha, self.searches(batch))
+        return self.network(batch["points"], self.searches(batch))
 
 
-class PosedStage(Stage):
+class PosedStage(GarmentStage):
     """Posed garment reconstruction from proposals, with the loss of equation 7.
 
     The trained canonical stage of the same type is frozen and gives levels of points.
@@ -300,10 +281,11 @@ class PosedStage(Stage):
         self.network = self.build(canonical.network)
         self._levels: ByteCache[tuple[int, int], list[PointLevel]] = ByteCache(_KEPT_BYTES)
 
-    @property
-    def body_relative_points(self) -> bool:
-        """As in the canonical stage."""
-        return self.canonical.body_relative_points
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
+        """An untrained one, from what `checkpoint_metadata` gave."""
+        settings: Any = cls.SETTINGS(**metadata["settings"])
+        return cls(settings, CanonicalStage.from_metadata(metadata["canonical"]))
 
     @property
     def smooth_passes(self) -> int:
@@ -326,12 +308,10 @@ class PosedStage(Stage):
         stage.network = self.build(self.canonical.network).to(self.device)
         return stage.eval()
 
-    def estimate_canonical(
-        self, points: torch.Tensor, initial_alpha: torch.Tensor | None = None
-    ) -> CanonicalOutput:
-        """Output of the canonical network for windows (B, T, P, 3 or 7), without gradient."""
+    def estimate_canonical(self, points: torch.Tensor) -> CanonicalOutput:
+        """Output of the canonical network for windows (B, T, P, 3), without gradient."""
         with torch.no_grad():
-            return self.canonical.network(points, None, initial_alpha)
+            return self.canonical.network(points)
 
     def point_levels(self, batch: Batch) -> list[PointLevel]:
         """Levels of points of a batch from the canonical network, or from memory.
@@ -377,24 +357,19 @@ class PosedStage(Stage):
     def predict_canonicals(self, data: SequenceData, splits: Sequence[str]) -> np.ndarray:
         """T(alpha') of the sequences of some splits, (S, N, 3) float32; others get the mean.
 
-        Alpha' is the mean over a sequence's windows; for a training sequence the network starts
-        from its `out_of_fold_alpha`. Levels of points are kept for training, whose windows are the
-        same unless they overlap.
+        Alpha' is the mean over a sequence's windows. Levels of points are kept for training, whose
+        windows are the same unless they overlap.
         """
         frames = self.settings.training.frames
         alpha = np.zeros_like(data.coefficients, dtype=np.float32)
         for sequence in np.flatnonzero(np.isin(data.split, splits)).tolist():
-            points = data.clouds(sequence, body_relative_points=self.body_relative_points)
-            name = str(data.name[sequence])
-            starts = window_starts(len(points), frames, frames, name)
+            points = data.points[data.rows(sequence)]
+            starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
             coefficients = []
             for part in np.array_split(starts, -(-len(starts) // _BATCH)):
                 windows = np.stack([points[start : start + frames] for start in part])
-                initial_alpha = None
-                if name in self.canonical.out_of_fold_alpha:
-                    initial_alpha = self.canonical.initial_alpha([name] * len(part))
                 clouds = torch.from_numpy(windows).to(self.canonical.device)
-                output = self.estimate_canonical(clouds, initial_alpha)
+                output = self.estimate_canonical(clouds)
                 self._keep([(sequence, start) for start in part.tolist()], output.levels)
                 coefficients.append(output.coefficients)
             alpha[sequence] = torch.cat(coefficients).mean(0).cpu().numpy()
@@ -434,12 +409,15 @@ class MgnStage(PosedStage):
 
     checkpoint_type = "garment4d_mgn"
     SETTINGS = MgnStageSettings
-    smooth_passes = 0
 
     def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
         """The network that is trained."""
         return MgnNetwork(
-            self.settings.network, len(self.space.mean), canonical.level_channels, self.weight_rng()
+            self.settings.network,
+            self.space.faces,
+            len(self.space.mean),
+            canonical.level_channels,
+            self.weight_rng(),
         )
 
     def predict(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
@@ -447,12 +425,10 @@ class MgnStage(PosedStage):
         return [self.network(batch["worn"], levels, batch["weights"], batch["transforms"])]
 
 
-_STAGES: dict[str, type[Stage]] = {
-    cls.checkpoint_type: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
-}
+Loaded = TypeVar("Loaded", bound=Stage)
 
 
-def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
+def load_stage(folder: str | Path, *expected: type[Loaded]) -> Loaded:
     """A trained stage from the folder that its training left, ready to predict.
 
     Args:
@@ -464,61 +440,43 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
     path = Path(folder) / BEST
     checkpoint = read_checkpoint(path)
     found = checkpoint.metadata["checkpoint_type"]
-    types = [cls.checkpoint_type for cls in expected]
-    if found not in types:
-        raise InputError(f"{path}: holds a '{found}' network, expected {' or '.join(types)}")
+    stages = {cls.checkpoint_type: cls for cls in expected}
+    if found not in stages:
+        raise InputError(f"{path}: holds a '{found}' network, expected {' or '.join(stages)}")
     with building(path):
-        stage = _build(checkpoint.metadata)
+        stage = stages[found].from_metadata(checkpoint.metadata)
     load_state(stage, checkpoint, path)
     return stage.eval()
 
 
-def _build(metadata: Mapping[str, Any]) -> Stage:
-    cls: Any = _STAGES[metadata["checkpoint_type"]]  # what it takes depends on the class
-    settings = cls.SETTINGS(**metadata["settings"])
-    if "canonical" in metadata:
-        return cls(settings, _build(metadata["canonical"]))
-    arrays = {key: value.numpy() for key, value in metadata["space"].items()}
-    check_arrays(arrays, forms_of(GarmentSpace))
-    stage = cls(settings, GarmentSpace(**arrays), metadata["label"])
-    stage.out_of_fold_alpha = metadata.get("out_of_fold_alpha", {})
-    return stage
-
-
-class PosedFiles(NamedTuple):
-    """What reconstruction needs besides the networks."""
+class SeenForms(NamedTuple):
+    """What scans are brought to before a model is given them."""
 
     bodies: BodySet  # of both genders
-    points: int  # P, number per cloud that the networks were trained on
-    final_step: FinalStep
+    points: int  # P, number per cloud that it was trained on
 
 
-def save_posed_files(folder: Path, sequences: BodySequences, final_step: FinalStep) -> None:
-    """Complete the folder of a training on sequences."""
+def save_seen_forms(folder: Path, sequences: BodySequences) -> None:
+    """Complete the folder of a model that was trained on sequences."""
     bodies = sequences.bodies
     for gender, body in bodies.models.items():
         save_body(folder / _BODIES / f"{gender}.npz", body)
-    save_npz(
-        folder / _SIZES,
-        body_points=bodies.count,
-        points=sequences.data.points.shape[1],
-        **final_step.arrays(),
-    )
+    points = sequences.data.points.shape[1]
+    save_npz(folder / _SIZES, body_points=bodies.count, points=points)
 
 
-def load_posed_files(folder: str | Path, stage: PosedStage) -> PosedFiles:
-    """Read what `save_posed_files` wrote beside a trained stage.
+def load_seen_forms(folder: str | Path) -> SeenForms:
+    """Read what `save_seen_forms` wrote beside a trained model.
 
     Raises:
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    found = load_npz(folder / _SIZES, {"body_points": "int", "points": "int", **FINAL_STEP_FORMS})
+    found = load_npz(folder / _SIZES, {"body_points": "int", "points": "int"})
     for name in ("body_points", "points"):
         if found[name] < 1:
             raise InputError(
                 f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
             )
     bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
-    final_step = load_final_step(found, stage.space, stage.label, stage.settings.skinning)
-    return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), final_step)
+    return SeenForms(BodySet(bodies, int(found["body_points"])), int(found["points"]))

@@ -1,6 +1,7 @@
 """Trainings of both stages of Garment4D, of their variants and of their baselines."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,26 +11,23 @@ from drapeline.bodies.model import load_bodies
 from drapeline.job import Job
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.data import BodySequences, BodySet, Windows
-from drapeline.models.garment4d.final_step import fit_final_step
-from drapeline.models.garment4d.reconstruct import guess_all
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
+    GarmentStage,
     MgnStage,
     PointNetStage,
     PosedStage,
-    Stage,
     load_stage,
-    save_posed_files,
+    save_seen_forms,
 )
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.training.module import fastest_device
-from drapeline.registration.settings import RefineSettings
 
 
 def train_stage(
-    stage: Stage,
+    stage: GarmentStage,
     sequences: BodySequences,
     run: TrainingRun,
     complete: Callable[[Path], None] | None = None,
@@ -44,7 +42,6 @@ def train_stage(
         stride=training.stride,
         sources=training.sources,
         most_validated=stage.MOST_VALIDATED,
-        body_relative_points=stage.body_relative_points,
     )
     garments = TrainingBatches(windows, batch=training.batch, seed=training.seed)
     stage.prepare(windows)
@@ -73,27 +70,11 @@ def train_canonical(job: Job) -> None:
 
 
 def train_posed(job: Job) -> None:
-    """The network of displacements, and the final step."""
-    params, sequences = job.params, _sequences(job)
-    stage = _posed(job, PosedStage)
-
-    def complete(folder: Path) -> None:
-        final_step = fit_final_step(
-            sequences,
-            stage.settings.skinning,
-            guess_all(stage.canonical, sequences),
-            RefineSettings(**params.refine),
-            params.proposals,
-        )
-        save_posed_files(folder, sequences, final_step)
-
-    train_stage(stage, sequences, TrainingRun.of(job), complete)
-
-
-def train_compared(job: Job) -> None:
-    """A variant of the network of displacements, or MGN*: to compare with, not to be used."""
+    """The network of displacements, a variant of it, or MGN*."""
+    sequences = _sequences(job)
     stage = _posed(job, MgnStage if job.params.mgn else PosedStage)
-    train_stage(stage, _sequences(job), TrainingRun.of(job))
+    complete = partial(save_seen_forms, sequences=sequences)
+    train_stage(stage, sequences, TrainingRun.of(job), complete)
 
 
 def _posed(job: Job, stage: type[PosedStage]) -> PosedStage:

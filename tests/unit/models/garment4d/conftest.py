@@ -1,16 +1,17 @@
 """Toy skirts, and networks trained on them for a few seconds, which no test may change."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.sequences import GarmentSequence, SequenceData
-from drapeline.models.garment4d.data import BodySequences
+from drapeline.models.garment4d.data import BodySequences, Seen
+from drapeline.models.garment4d.ours.labels import LabelStage
+from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.stages import CanonicalStage, PosedStage, load_stage
-from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
-from toys.garment4d_stages import build_canonical, train_toys
+from toys.garment4d import CANONICAL, LABELLING, POSED, open_toy_data, save_toy_data
+from toys.garment4d_stages import build_canonical, fit_toy_model, train_toy_labels, train_toys
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def toy_skirts(folder: Path, toy_body: BodyModel) -> list[GarmentSequence]:
-    """Nine skirts, written into `data` as the rule `collect_garment4d` does."""
+    """Nine skirts, written into `data` as the task `collect_data` does."""
     return save_toy_data(folder / "data", toy_body)
 
 
@@ -41,14 +42,8 @@ def opened(folder: Path, toy_skirts: list[GarmentSequence], toy_body: BodyModel)
 
 @pytest.fixture(scope="session")
 def trained_canonical(folder: Path, opened: BodySequences) -> Path:
-    """As the paper has it."""
-    return train_toys(folder, "canonical", build_canonical(opened, PLAIN), opened)
-
-
-@pytest.fixture(scope="session")
-def trained_body_relative(folder: Path, opened: BodySequences) -> Path:
-    """A canonical stage whose points say where on the body they are."""
-    return train_toys(folder, "body_relative", build_canonical(opened, CANONICAL), opened)
+    """The paper's first stage."""
+    return train_toys(folder, "canonical", build_canonical(opened, CANONICAL), opened)
 
 
 @pytest.fixture(scope="session")
@@ -56,6 +51,18 @@ def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) 
     """On `trained_canonical`."""
     canonical = load_stage(trained_canonical, CanonicalStage)
     return train_toys(folder, "posed", PosedStage(PosedStage.SETTINGS(**POSED), canonical), opened)
+
+
+@pytest.fixture(scope="session")
+def trained_labels(folder: Path, toy_skirts: list[GarmentSequence]) -> Path:
+    """Labels of our model."""
+    return train_toy_labels(folder, "labels", [folder / "data"])
+
+
+@pytest.fixture(scope="session")
+def fitted_ours(folder: Path, opened: BodySequences, trained_labels: Path) -> Path:
+    """Our model with `trained_labels`, in the folder of its garment type."""
+    return fit_toy_model(folder / "Skirt" / "ours", trained_labels, opened)
 
 
 @pytest.fixture
@@ -66,8 +73,8 @@ def data(sequences: BodySequences) -> SequenceData:
 
 @pytest.fixture
 def canonical(sequences: BodySequences) -> CanonicalStage:
-    """Untrained, as the paper has it."""
-    return build_canonical(sequences, PLAIN).eval()
+    """Untrained."""
+    return build_canonical(sequences, CANONICAL).eval()
 
 
 @pytest.fixture
@@ -77,13 +84,18 @@ def identity(canonical: CanonicalStage) -> PosedStage:
 
 
 @pytest.fixture
-def given(sequences: BodySequences) -> dict[str, Any]:
-    """Arguments of `reconstruct` for the held-out sequence: seven frames, windows of three."""
-    data = sequences.data
-    sequence = int(data.of_split("test")[0])
-    rows = data.rows(sequence)
-    return {
-        "points": data.points[rows],
-        "poses": data.poses[rows],
-        "body": sequences.body(sequence),
-    }
+def labelling() -> LabelStage:
+    """Untrained labels of our model."""
+    return LabelStage(LabelStage.SETTINGS(**LABELLING)).eval()
+
+
+@pytest.fixture
+def ours(fitted_ours: Path) -> OurModel:
+    """Our model, loaded for one test."""
+    return OurModel(fitted_ours, "cpu")
+
+
+@pytest.fixture
+def held_out(data: SequenceData, sequences: BodySequences) -> Seen:
+    """The sequence of the test split as models are given it: seven frames, windows of three."""
+    return sequences.seen(int(data.of_split("test")[0]))

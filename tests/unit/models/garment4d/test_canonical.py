@@ -1,20 +1,15 @@
-"""The canonical network, and the regression that it starts from."""
+"""The canonical network, its baseline and their loss."""
 
 import numpy as np
 import pytest
 import torch
 
-from drapeline.errors import InputError
-from drapeline.models.garment4d import canonical
 from drapeline.models.garment4d.canonical import (
     CanonicalNetwork,
     CanonicalOutput,
-    MapRegression,
     PointNetRegressor,
-    body_map,
     first_of,
     hashed_order,
-    map_cells,
 )
 from drapeline.models.garment4d.losses import CotangentLaplacian, balance_labels, canonical_loss
 from drapeline.models.garment4d.settings import (
@@ -26,8 +21,6 @@ from drapeline.models.garment4d.settings import (
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import fit_space
-from drapeline.seeding import rng_for
-from toys.garment4d import fill_regression
 from toys.paper import printed
 
 LABEL = LABELS.index("Skirt")
@@ -44,13 +37,10 @@ LAYERS = CanonicalLayers(
     overall=(16,),
     head=(16,),
 )
-SETTINGS = CanonicalSettings(
-    width=1, points=6890, layers=LAYERS, garment_points=40, body_relative_points=False
-)
+SETTINGS = CanonicalSettings(width=1, points=6890, layers=LAYERS, garment_points=40)
 PRINTED = CanonicalWeights(**printed("garment4d.canonical.loss"))
 AROUND, RINGS = 12, 5
 GRID = np.arange(AROUND * RINGS).reshape(RINGS, AROUND)
-SEQUENCES = ["a", "a", "a", "b", "c", "c", "d", "e", "e", "f", "g", "h"]
 
 
 def rng(seed=0):
@@ -351,229 +341,3 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
     assert small.segmentation[1].radii == pytest.approx((0.1 * 2**0.5, 0.2 * 2**0.5), rel=1e-3)
     assert small.segmentation[0].widths == ((8, 8, 16), (16, 16, 32))
     assert small.propagation[-1] == (64, 32)
-
-
-def test_a_sleeve_decides_about_points_out_of_its_reach(space):
-    """All labels of a cloud may change with the height of points on an arm, in any frame."""
-    network = CanonicalNetwork(
-        SETTINGS.replace(body_relative_points=True), space, LABEL, rng()
-    ).eval()
-    points, _, _, _ = windows(space, 1)
-    place = torch.cat([points, torch.zeros_like(points[..., :1])], -1)
-    place[:, 0, 0] = torch.tensor([0.6, 0.0, 0.4, 0.0])
-    raised = place.clone()
-    raised[:, 0, 0, 3] = 2.0
-    first, second = (network(torch.cat([points, x], -1)).logits[0, -1] for x in (place, raised))
-    assert ((first - second).abs().amax(-1) > 1e-6).all()
-
-
-@pytest.mark.parametrize("kind", ["canonical", "pointnet"])
-def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind):
-    settings = SETTINGS.replace(body_relative_points=True)
-    network = (
-        CanonicalNetwork(settings, space, LABEL, rng())
-        if kind == "canonical"
-        else PointNetRegressor(settings, space, rng())
-    ).eval()
-    points, labels, _, _ = windows(space, 2)
-    given = (labels,) if kind == "canonical" else ()
-    points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
-    before = network(points, *given)
-    fill_regression(network.regression)
-    chosen = labels == LABEL if kind == "canonical" else torch.ones_like(labels, dtype=torch.bool)
-    said = network.regression(network.maps(points, chosen))
-    after = network(points, *given)
-    torch.testing.assert_close(after.coefficients, before.coefficients + said)
-    assert said.abs().max() > 1
-    torch.testing.assert_close(after.vertices, network.vertices(after.coefficients))
-    told = network(points, *given, initial_alpha=torch.ones_like(said))
-    torch.testing.assert_close(told.coefficients, before.coefficients + 1)
-    # Neither depends on the order of points.
-    shuffled = torch.randperm(points.shape[2], generator=rng(7))
-    again = network(points[:, :, shuffled], *(x[:, :, shuffled] for x in given))
-    torch.testing.assert_close(again.coefficients, after.coefficients, atol=1e-4, rtol=1e-4)
-
-
-def test_maps_show_share_depth_and_height_where_points_are(space):
-    network = CanonicalNetwork(SETTINGS.replace(body_relative_points=True), space, LABEL, rng())
-    # Two points at the left and the right of one cell, one above all cells, one alone in its cell.
-    place = torch.tensor(
-        [[0.26, -0.1, -0.49, 2.0], [-0.27, 0.3, -0.48, 1.0], [0.0, 0.2, 9.0, 0.5], [0.9, 0, 0.2, 3]]
-    )
-    points = torch.cat([torch.zeros(4, 3), place], dim=1)[None, None]
-    chosen = torch.tensor([[[True, False, True, False]]])
-    (found,) = network.maps(points, chosen)
-    cells = [10 * 64 + 24, 0 * 64 + 63, 36 * 64 + 52]
-    expected = torch.tensor([[0.5, 1, 0], [0.2, 0.2, 0], [1.5, 0.5, 3]])
-    torch.testing.assert_close(found[:, cells], expected)
-    rest = torch.ones(found.shape[1], dtype=torch.bool)
-    rest[cells] = False
-    assert (found[0, rest] == 0).all()
-    assert found[1:, rest].isnan().all()
-
-
-def test_without_labels_maps_are_made_of_the_points_taken_for_the_garment(space):
-    network = CanonicalNetwork(
-        SETTINGS.replace(body_relative_points=True), space, LABEL, rng()
-    ).eval()
-    fill_regression(network.regression)
-    points, _, _, _ = windows(space, 2)
-    points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
-    found = network(points)
-    labels = found.logits.argmax(-1)
-    assert 0 < (labels == LABEL).float().mean() < 1
-    torch.testing.assert_close(network(points, labels).coefficients, found.coefficients)
-
-
-def draw(seed):
-    return torch.Generator().manual_seed(seed)
-
-
-def test_a_map_of_the_body_is_the_mean_over_cells_of_both_halves():
-    place = torch.rand(6, 40, 4, generator=draw(7)) * torch.tensor([2.4, 1.0, 1.8, 1.0]) - 1.2
-    values = torch.rand(6, 40, 2, generator=draw(8))
-    found = body_map(place, values, 3, 0.05)
-    cells: dict[tuple[int, int, int], list[list[float]]] = {}
-    for cloud in range(6):
-        for (x, _, z, _), value in zip(place[cloud].tolist(), values[cloud].tolist(), strict=True):
-            column = min(int(abs(x) / 0.05), 18)
-            row = min(max(int((z + 1.1) // 0.05), 0), 31)
-            cells.setdefault((cloud // 3, column, row), []).append(value)
-    expected = torch.zeros(2, 2, 19, 32)
-    for (window, column, row), within in cells.items():
-        expected[window, :, column, row] = torch.tensor(within).mean(0)
-    torch.testing.assert_close(found, expected.flatten(1))
-    assert expected[0, 0].numel() == map_cells(0.05)
-
-
-@pytest.fixture
-def given():
-    """Maps (12, 2, 15), more values than windows, and coefficients (12, 3) that they tell about.
-
-    Some cells of the second kind are not known.
-    """
-    rng = rng_for(0, "maps")
-    maps = rng.normal(size=(len(SEQUENCES), 2, 15)) * [[[1.0], [0.1]]] + 2
-    maps[:, 0] *= np.geomspace(0.01, 1, 15)
-    flat = maps.reshape(len(maps), -1)
-    coefficients = flat @ rng.normal(size=(30, 3)) + rng.normal(size=(len(SEQUENCES), 3))
-    maps[rng.random(maps.shape) < [[[0.0], [0.3]]]] = np.nan
-    return maps.astype(np.float32), coefficients.astype(np.float32)
-
-
-def fitted(maps, coefficients, sequences=SEQUENCES, metric=None):
-    regression = MapRegression(*maps.shape[1:], coefficients.shape[1])
-    metric = np.eye(coefficients.shape[1]) if metric is None else metric
-    return regression, *regression.fit(maps, coefficients, sequences, metric)
-
-
-def shares(sequences):
-    return np.array([1 / sequences.count(one) for one in sequences])
-
-
-def seen(maps):
-    """Maps as the regression sees them, cell by cell."""
-    weights, columns = shares(SEQUENCES), []
-    for kind in np.moveaxis(maps.astype(np.float64), 1, 0):
-        gaps, deviations = [], []
-        for cell in kind.T:
-            known = ~np.isnan(cell)
-            gap = np.zeros(len(cell))
-            gap[known] = cell[known] - np.average(cell[known], weights=weights[known])
-            gaps.append(gap)
-            deviations.append(np.sqrt(np.average(gap**2, weights=weights)))
-        typical = np.median(deviations)
-        columns += [g / np.hypot(d, 0.3 * typical) for g, d in zip(gaps, deviations, strict=True)]
-    return np.stack(columns, axis=1) / np.sqrt(len(columns))
-
-
-def slowly(rows, coefficients, sequences, ridge):
-    """Weighed ridge regression with its mean, by normal equations: a function of rows."""
-    weights = shares(sequences)
-    mean = np.average(rows, axis=0, weights=weights)
-    middle = np.average(coefficients, axis=0, weights=weights)
-    gap = rows - mean
-    system = gap.T @ (weights[:, None] * gap) + ridge * np.eye(rows.shape[1])
-    slope = np.linalg.solve(system, gap.T @ (weights[:, None] * (coefficients - middle)))
-    return lambda new: (new - mean) @ slope + middle
-
-
-@pytest.mark.parametrize("ridge", [0.01, 1.0])
-def test_what_is_left_out_is_what_fits_without_it_say(given, monkeypatch, ridge):
-    monkeypatch.setattr(canonical, "_RIDGES", np.array([ridge]))
-    regression, found, error = fitted(*given)
-    rows, coefficients = seen(given[0]), given[1].astype(np.float64)
-    whole = slowly(rows, coefficients, SEQUENCES, ridge)
-    said = regression(torch.from_numpy(given[0])).numpy()
-    np.testing.assert_allclose(said, whole(rows), atol=2e-4)
-    squared = []
-    for one in set(SEQUENCES):
-        inside = np.array(SEQUENCES) == one
-        rest = [name for name in SEQUENCES if name != one]
-        without = slowly(rows[~inside], coefficients[~inside], rest, ridge)
-        np.testing.assert_allclose(found[inside], without(rows[inside]), atol=2e-4)
-        squared.append(((found[inside] - coefficients[inside]) ** 2).sum(1).mean())
-    assert error == pytest.approx(np.mean(squared) ** 0.5, rel=1e-4)
-
-
-def test_the_ridge_is_the_best_for_what_is_left_out_in_the_metric(given, monkeypatch):
-    metric = np.diag([1.0, 4.0, 0.0])
-    _, _, best = fitted(*given, metric=metric)
-    each = []
-    for ridge in canonical._RIDGES:
-        with monkeypatch.context() as only:
-            only.setattr(canonical, "_RIDGES", np.array([ridge]))
-            _, found, error = fitted(*given, metric=metric)
-        off = found - given[1]
-        mean = np.average(((off @ metric) * off).sum(1), weights=shares(SEQUENCES))
-        assert error == pytest.approx(mean**0.5, rel=1e-4)
-        each.append(error)
-    assert best == pytest.approx(min(each))
-    assert min(each) < 0.99 * max(each)
-
-
-def test_a_linear_truth_is_found():
-    rng = rng_for(0, "linear maps")
-    maps = rng.uniform(-1, 1, size=(300, 2, 3)).astype(np.float32)
-    slope = rng.normal(size=(6, 2))
-    coefficients = (maps.reshape(300, 6) @ slope + 3).astype(np.float32)
-    regression, found, error = fitted(maps, coefficients, [str(one) for one in range(300)])
-    new = rng.uniform(-0.9, 0.9, size=(20, 2, 3)).astype(np.float32)
-    said = regression(torch.from_numpy(new)).numpy()
-    np.testing.assert_allclose(said, new.reshape(20, 6) @ slope + 3, atol=0.01)
-    assert error < 0.01
-    np.testing.assert_allclose(found, coefficients, atol=0.02)
-
-
-def test_what_is_not_known_counts_as_the_mean_and_extremes_as_the_most_extreme_seen(given):
-    regression, _, _ = fitted(*given)
-    maps = torch.from_numpy(given[0])
-    mean = regression.mean.expand_as(maps)
-    torch.testing.assert_close(regression(torch.full_like(maps, torch.nan)), regression(mean))
-    high, low = (torch.from_numpy(f(given[0], axis=0)) for f in (np.nanmax, np.nanmin))
-    beyond = torch.where(torch.arange(15) % 2 == 0, high + 9, low - 9)
-    edge = torch.where(torch.arange(15) % 2 == 0, high, low)
-    torch.testing.assert_close(regression(beyond[None]), regression(edge[None]))
-    assert (regression(edge[None]) - regression(mean[:1])).abs().max() > 0.1
-
-
-def test_cells_that_never_change_have_no_say(given):
-    maps, coefficients = given
-    still = np.concatenate([maps, np.full((len(maps), 2, 5), 7, np.float32)], axis=2)
-    still[:, 1, -1] = np.nan
-    regression, found, _ = fitted(still, coefficients)
-    alone, expected, _ = fitted(maps, coefficients)
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-    other = torch.from_numpy(still.copy())
-    other[..., 15:] = -50
-    torch.testing.assert_close(regression(other), alone(torch.from_numpy(maps)))
-
-
-def test_nothing_is_said_before_the_fit():
-    said = MapRegression(2, 4, 3)(torch.ones(5, 2, 4))
-    torch.testing.assert_close(said, torch.zeros(5, 3))
-
-
-def test_one_sequence_cannot_be_left_out(given):
-    with pytest.raises(InputError, match="1 training sequence, expected two or more"):
-        fitted(*given, sequences=["a"] * len(SEQUENCES))

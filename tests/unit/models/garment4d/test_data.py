@@ -14,6 +14,7 @@ from drapeline.learning_data.sequences import collect_sequences
 from drapeline.models.garment4d.data import (
     BodySet,
     DressedSequences,
+    SequenceWindows,
     ShapedBody,
     SurfaceSample,
     Windows,
@@ -82,20 +83,69 @@ def test_a_batch_holds_the_window_s_frames(toy_skirts, sequences):
     assert batch["labels"].dtype == np.int64
 
 
-def test_a_batch_holds_body_relative_points_if_asked_for(sequences):
-    window = np.array([[4, 2]])
-    plain, relative = (
-        sequences.batch(window, 3, body_relative_points=wanted)["points"]
-        for wanted in (False, True)
-    )
-    np.testing.assert_array_equal(relative[..., :3], plain)
-    expected = sequences.data.clouds(4, body_relative_points=True)[2:5]
-    np.testing.assert_array_equal(relative[0], expected)
+def test_a_sequence_is_seen_as_a_whole(toy_skirts, sequences):
+    data, one = sequences.data, toy_skirts[4]
+    seen = sequences.seen(4)
+    np.testing.assert_array_equal(seen.points, one.points)
+    np.testing.assert_allclose(seen.poses, one.poses, atol=1e-6)
+    np.testing.assert_array_equal(seen.trans, data.trans[data.rows(4)])
+    assert seen.body is sequences.body(4)
+    assert seen.labels is None
+    told = sequences.seen(4, one.labels)
+    np.testing.assert_array_equal(told.taken_for(data.label), one.labels == data.label)
+
+
+def test_unknown_labels_cannot_be_asked_for(held_out):
+    with pytest.raises(ValueError, match="the points have no labels, expected some"):
+        held_out.taken_for(0)
+
+
+@pytest.mark.parametrize("labelled", [False, True])
+def test_frames_of_a_sequence_stay_together(sequences, data, labelled):
+    sequence = int(data.of_split("test")[0])
+    labels = data.labels[data.rows(sequence)] if labelled else None
+    seen = sequences.seen(sequence, labels)
+    part = seen.frames(np.array([1, 3]))
+    for key in ("points", "poses", "trans", *["labels"] * labelled):
+        np.testing.assert_array_equal(getattr(part, key), getattr(seen, key)[[1, 3]])
+    assert (part.labels is None) == (not labelled)
+    assert part.body is seen.body
+
+
+@pytest.mark.parametrize(
+    ("count", "stride", "starts"),
+    [
+        (7, None, [0, 3, 4]),
+        (7, 1, [0, 1, 2, 3, 4]),
+        (3, None, [0]),
+        (31, None, [*range(0, 28, 3), 28]),
+    ],
+)
+def test_windows_cover_a_sequence_a_few_at_a_time(count, stride, starts):
+    windows, values = SequenceWindows(count, 3, stride), 10 * np.arange(2 * count).reshape(count, 2)
+    batches = list(windows.batches())
+    assert np.concatenate(batches).tolist() == starts
+    assert max(map(len, batches)) <= 4
+    mean = windows.mean((2,))
+    for batch in batches:
+        found = windows.of(batch, values)
+        for start, window in zip(batch, found, strict=True):
+            np.testing.assert_array_equal(window, values[start : start + 3])
+        mean.add(batch, found)
+    np.testing.assert_allclose(mean(), values)
+
+
+def test_a_frame_in_several_windows_gets_the_mean_of_them():
+    windows = SequenceWindows(4, 3, 1)
+    mean = windows.mean(())
+    mean.add(windows.starts, np.array([[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]]))
+    np.testing.assert_allclose(mean(), [1, (2 + 10) / 2, (3 + 20) / 2, 30])
 
 
 def test_the_digested_arrays_tell_data_and_bodies_apart(sequences, folder, toy_body):
     arrays = sequences.arrays()
-    assert {"points", "poses", "space/mean", "bodies/female/chosen"} <= arrays.keys()
+    known = {"points", "on_body", "on_inexact_body", "poses", "space/mean", "bodies/female/chosen"}
+    assert known <= arrays.keys()
     fewer = open_toy_data(folder / "data", toy_body, 29).arrays()
     assert fewer.keys() == arrays.keys()
     changed = [key for key in arrays if not np.array_equal(arrays[key], fewer[key])]
@@ -128,7 +178,8 @@ def test_long_sequences_do_not_decide_alone_on_canonical_garments(sequences, mos
 
 def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     skirts = [one for one in toy_sequences(toy_body) if one.name != "00007"]
-    collect_sequences(tmp_path / "data", GARMENT, skirts, skirt_faces(), 3)
+    bodies = toy_bodies(toy_body)
+    collect_sequences(tmp_path / "data", GARMENT, skirts, skirt_faces(), 3, bodies)
     sequences = open_toy_data(tmp_path / "data", toy_body, 10)
     windows = Windows(sequences, frames=3, stride=3, sources=("simulated",))
     batch = windows.batch(windows.rows("val"))

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from drapeline.models.garment4d.data import DressedSequences
+from drapeline.models.garment4d.ours.labels import LabelledClouds, LabelStage
 from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PointNetStage, PosedStage
 from drapeline.models.training.batches import as_tensors
-from toys.garment4d import CANONICAL, PLAIN, POSED
+from toys.garment4d import CANONICAL, LABELLING, POSED
 from toys.garment4d_stages import build_canonical, stage_windows
 from toys.learning import (
     assert_a_step_lowers,
@@ -19,14 +20,14 @@ from toys.learning import (
 )
 
 CANONICAL_STAGES = {
-    "canonical": (CanonicalStage, PLAIN),
-    "body_relative": (CanonicalStage, CANONICAL),
+    "canonical": (CanonicalStage, CANONICAL),
     "pointnet": (PointNetStage, CANONICAL),
 }
 POSED_STAGES = {
     "posed": (PosedStage, POSED),
     "mgn": (MgnStage, {**POSED, "network": {"widths": [32, 32, 64]}}),
 }
+STAGES = {**CANONICAL_STAGES, **POSED_STAGES, "labels": (LabelStage, LABELLING)}
 
 
 def build(name, sequences, astray=0.0, **training):
@@ -35,14 +36,21 @@ def build(name, sequences, astray=0.0, **training):
     The posed ones dress bodies in garments that are so far `astray` (metres): what they have to
     make up for is then mostly the same everywhere, and no network is too small to learn it.
     """
-    cls, values = (CANONICAL_STAGES | POSED_STAGES)[name]
+    cls, values = STAGES[name]
     values = {**values, "training": {**values["training"], **training}}
+    if name == "labels":
+        stage = cls(cls.SETTINGS(**values))
+        windows = LabelledClouds(
+            [sequences.data], frames=3, stride=3, sources=stage.settings.training.sources
+        )
+        stage.prepare(windows)
+        return stage, windows
     if name in CANONICAL_STAGES:
         stage = build_canonical(sequences, values, cls)
         windows = stage_windows(stage, sequences)
         stage.prepare(windows)
         return stage, windows
-    canonical = build_canonical(sequences, PLAIN).eval()
+    canonical = build_canonical(sequences, CANONICAL).eval()
     with torch.no_grad():  # an untrained one may see no garment, and so show the posed ones nothing
         canonical.network.segmentation.head[-1].bias[canonical.label] += 1e3
     stage = cls(cls.SETTINGS(**values), canonical)
@@ -57,7 +65,7 @@ def batch_of(windows, count):
     return as_tensors(windows.batch(rows[:: len(rows) // count][:count]))
 
 
-@pytest.mark.parametrize("name", CANONICAL_STAGES | POSED_STAGES)
+@pytest.mark.parametrize("name", STAGES)
 def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
     stage, windows = build(name, sequences)
     stage, batch = shake_weights(stage, 0.02).train().double(), doubles(batch_of(windows, 2))
@@ -65,11 +73,11 @@ def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
     assert_a_step_lowers(stage, lambda stage: stage.training_step(batch))
 
 
-@pytest.mark.parametrize("name", CANONICAL_STAGES | POSED_STAGES)
+@pytest.mark.parametrize("name", STAGES)
 def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name):
     stage, windows = build(name, sequences)
     batch = batch_of(windows, 2)
-    # Points that are almost as far as others take turns in the canonical network's many maxima.
+    # Points that are almost as far as others take turns in the other networks' many maxima.
     cosine = 0.9 if name in POSED_STAGES else 0.0
     assert_mixed_precision_agrees(
         shake_weights(stage, 0.02).train(),
@@ -82,8 +90,8 @@ def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name
     ("name", "windows", "rate"),
     [
         ("canonical", 4, 0.005),
-        ("body_relative", 4, 0.005),
         ("pointnet", 4, 0.005),
+        ("labels", 4, 0.005),
         ("posed", 1, 0.01),
         ("mgn", 1, 0.1),
     ],

@@ -9,6 +9,7 @@ from drapeline.models.garment4d.posed import (
     MgnNetwork,
     PosedNetwork,
     mean_of_neighbours,
+    pull_to_points,
 )
 from drapeline.models.garment4d.settings import MgnSettings, PosedSettings, PosedWeights
 from drapeline.models.layers.graphs import SparseMatrix
@@ -18,6 +19,7 @@ from toys.paper import printed
 
 PRINTED = PosedWeights(**printed("garment4d.posed.loss"))
 FACES = tube_faces(False)
+ADJACENCY = SparseMatrix(mean_of_neighbours(FACES, VERTICES))
 CHANNELS = (4, 6)
 SMALL = PosedSettings(
     iterations=3,
@@ -99,20 +101,20 @@ def test_points_pull_an_untrained_network_towards_where_the_garment_is():
 
 def test_the_pull_is_the_smoothed_way_to_the_mean_of_the_nearest_points():
     proposal, levels, *_ = inputs(batch=1, frames=2)
-    net = network(pull_neighbours=4)
     garment = proposal.flatten(0, 1)
     cloud = levels[0].points
     near = torch.cdist(garment, cloud).argsort(dim=-1)[..., :4]
     way = torch.stack([cloud[k][near[k]].mean(1) for k in range(2)]) - garment
     smooth = torch.from_numpy(mean_of_neighbours(FACES, VERTICES).toarray()).float()
     expected = smooth @ (smooth @ (smooth @ way))
-    torch.testing.assert_close(net.pull(levels[0], garment), expected, atol=1e-5, rtol=1e-4)
+    found = pull_to_points(levels[0], garment, 4, ADJACENCY)
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-4)
 
 
 def test_a_cloud_without_garment_points_pulls_nowhere():
     proposal, levels, *_ = inputs(batch=1, frames=2)
     empty = levels[0]._replace(valid=torch.zeros_like(levels[0].valid))
-    way = network(pull_neighbours=4).pull(empty, proposal.flatten(0, 1))
+    way = pull_to_points(empty, proposal.flatten(0, 1), 4, ADJACENCY)
     assert torch.equal(way, torch.zeros_like(way))
 
 
@@ -332,7 +334,7 @@ def mgn_inputs(frames=3):
 
 
 def test_mgn_begins_as_skinning_and_displaces_in_the_rest_pose():
-    net = MgnNetwork(MgnSettings(widths=(8, 6)), VERTICES, CHANNELS, generator())
+    net = MgnNetwork(MgnSettings(widths=(8, 6)), FACES, VERTICES, CHANNELS, generator())
     canonical, levels, weights, transforms = mgn_inputs()
     shift = transforms[:, :, torch.arange(VERTICES) % 24, :3, 3]
     out = net(canonical, levels, weights, transforms)
@@ -347,7 +349,7 @@ def test_mgn_begins_as_skinning_and_displaces_in_the_rest_pose():
 
 
 def test_mgn_sees_each_frame_by_itself_and_all_its_valid_points():
-    net = MgnNetwork(MgnSettings(widths=(8, 6)), VERTICES, CHANNELS, generator())
+    net = MgnNetwork(MgnSettings(widths=(8, 6)), FACES, VERTICES, CHANNELS, generator())
     with torch.no_grad():
         net.last.weight.normal_(generator=generator(5))
     canonical, levels, weights, transforms = mgn_inputs()
@@ -364,3 +366,19 @@ def test_mgn_sees_each_frame_by_itself_and_all_its_valid_points():
         canonical, [levels[-1]._replace(features=features, valid=valid)], weights, transforms
     )
     assert torch.equal(hidden, again)
+
+
+def test_points_pull_an_untrained_mgn_by_a_share_of_the_way():
+    settings = MgnSettings(widths=(8, 6))
+    canonical, levels, weights, transforms = mgn_inputs()
+    skinned, pulled = (
+        MgnNetwork(settings.replace(pull_neighbours=count), FACES, VERTICES, CHANNELS, generator())
+        for count in (0, 4)
+    )
+    before = skinned(canonical, levels, weights, transforms)
+    after = pulled(canonical, levels, weights, transforms)
+    way = pull_to_points(levels[0], before.flatten(0, 1), 4, ADJACENCY).view_as(before)
+    torch.testing.assert_close(after, before + pulled.share * way)
+    assert 0 < pulled.share.item() < 1
+    (slope,) = torch.autograd.grad(after.sum(), [pulled.share])
+    torch.testing.assert_close(slope, way.sum(), rtol=1e-4, atol=1e-4)

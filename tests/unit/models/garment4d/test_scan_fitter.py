@@ -1,6 +1,6 @@
 """Components fitted to the points of tubes, and the networks' garments in a scan."""
 
-import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,20 +10,17 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
-from drapeline.models.garment4d.final_step import fit_final_step
-from drapeline.models.garment4d.reconstruct import ReconstructionModel
+from drapeline.models.garment4d.reconstruct import NetworksModel
 from drapeline.models.garment4d.scans import (
     MOVED,
+    OURS,
     PCA,
     POSED,
-    REFINED,
     FitTemplate,
     Garment4dScanFitter,
     fit_template,
 )
-from drapeline.models.garment4d.stages import PosedStage, load_stage, save_posed_files
 from drapeline.outfits.garment_types import LABELS
-from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_template.garment_space import fit_space
 from toys.garment4d import GARMENT, skirt_faces
 from toys.tiny_sample import tube
@@ -91,19 +88,20 @@ def test_what_an_outer_garment_hides_is_not_cut_off(toy_body):
     assert np.linalg.norm(place - true, axis=1).mean() < 0.012
 
 
-def test_the_networks_and_the_final_step_give_posed_garments(
-    trained_posed, sequences, tmp_path, toy_body
-):
-    folder = tmp_path / GARMENT
-    shutil.copytree(trained_posed, folder / "posed")
-    skinning = load_stage(trained_posed, PosedStage).settings.skinning
-    step = fit_final_step(sequences, skinning, [], RefineSettings(), "skinned")
-    save_posed_files(folder / "posed", sequences, step)
-    model = ReconstructionModel(folder, "cpu")
-    fitter = Garment4dScanFitter({GARMENT: model}, FitTemplate(points=200, steps=2), 0)
-    shown = scan(toy_body, ("Skirt", "Top"), Skirt=on_faces(skirt(0.25, -0.5), 400))
+@pytest.fixture
+def fitter(ours, trained_posed):
+    networks = {GARMENT: NetworksModel(trained_posed, "cpu")}
+    return Garment4dScanFitter({GARMENT: ours}, networks, FitTemplate(points=200, steps=2), 0)
+
+
+@pytest.fixture
+def shown(toy_body):
+    return scan(toy_body, ("Skirt", "Top"), Skirt=on_faces(skirt(0.25, -0.5), 400))
+
+
+def test_components_networks_and_our_model_give_posed_garments(fitter, shown, toy_body):
     found = fitter.fit(shown, STATE)
-    assert set(found) == {PCA, MOVED, POSED, REFINED}
+    assert set(found) == {PCA, MOVED, POSED, OURS}
     for garments in found.values():
         assert set(garments) == {GARMENT}
         mesh = garments[GARMENT]
@@ -111,3 +109,17 @@ def test_the_networks_and_the_final_step_give_posed_garments(
         # Around the hips of the body, which stands 1 m above the origin.
         assert np.abs(mesh.vertices.mean(axis=0) - STATE.trans).max() < 0.6
     assert fitter.fit(scan(toy_body, ("Top",), Top=on_faces(skirt(0.25, -0.5), 50)), STATE) == {}
+
+
+def test_our_garment_is_not_simulated_since_nothing_moves(fitter, shown, ours, monkeypatch):
+    wanted = fitter.fit(shown, STATE)[OURS][GARMENT]
+    ours.final_step = replace(ours.final_step, simulated=True)
+    module = "drapeline.models.garment4d.ours.final_step"
+    monkeypatch.setattr(f"{module}.simulate_proposals", None)
+    found = fitter.fit(shown, STATE)[OURS][GARMENT]
+    np.testing.assert_array_equal(found.vertices, wanted.vertices)
+
+
+def test_points_have_the_labels_of_the_scan(fitter, shown, monkeypatch):
+    monkeypatch.setattr("drapeline.models.garment4d.ours.labels.LabelStage.logits", None)
+    assert set(fitter.fit(shown, STATE)) == {PCA, MOVED, POSED, OURS}

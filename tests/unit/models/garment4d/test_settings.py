@@ -6,22 +6,25 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.models.garment4d.settings import (
+    MGN_VARIANTS,
     POSED_VARIANTS,
     CanonicalSettings,
     CanonicalStageSettings,
+    LabelStageSettings,
+    SegmentationSettings,
     posed_variants,
 )
-from drapeline.models.garment4d.stages import PosedStage
+from drapeline.models.garment4d.stages import MgnStage, PosedStage
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.models.training.settings import override_settings
-from toys.garment4d import PLAIN, POSED
+from toys.garment4d import CANONICAL, LABELLING, POSED
 
 
 def test_settings_come_from_plain_values_and_go_back(trained_canonical):
     found = read_checkpoint(trained_canonical / BEST).metadata["settings"]
     settings = CanonicalStageSettings(**found)
-    assert settings == CanonicalStageSettings(**PLAIN)
+    assert settings == CanonicalStageSettings(**CANONICAL)
     assert json.loads((trained_canonical / "settings.json").read_text())["loss"] == {
         **found["loss"]
     }
@@ -41,11 +44,17 @@ def test_unknown_settings_are_refused():
         CanonicalStageSettings(loss={"laplace": 1.0})
 
 
-@pytest.mark.parametrize("name", POSED_VARIANTS)
-def test_variants_change_settings_that_there_are(name):
-    settings = {"network": {}, "skinning": {}, **POSED}
-    changed = PosedStage.SETTINGS(**override_settings(settings, POSED_VARIANTS[name]))
-    for group, values in POSED_VARIANTS[name].items():
+@pytest.mark.parametrize(
+    ("cls", "name", "changes"),
+    [
+        *((PosedStage, name, changes) for name, changes in POSED_VARIANTS.items()),
+        *((MgnStage, name, changes) for name, changes in MGN_VARIANTS.items()),
+    ],
+)
+def test_variants_change_settings_that_there_are(cls, name, changes):
+    settings = {"skinning": {}, **POSED, "network": {}}
+    changed = cls.SETTINGS(**override_settings(settings, changes))
+    for group, values in changes.items():
         for key, value in values.items():
             assert getattr(getattr(changed, group), key) == value
 
@@ -55,7 +64,22 @@ def test_what_an_experiment_has_anyway_is_no_variant_of_it():
         "network": {"pull_neighbours": 0, "smooth_passes": 0, "transformer": "paper"},
         "loss": {"interpenetration": 100.0},
     }
-    assert "as_printed" not in posed_variants(plain)
-    smoothed = {"network": {**plain["network"], "smooth_passes": 8}}
-    assert posed_variants(smoothed) == POSED_VARIANTS
-    assert posed_variants(plain).keys() == POSED_VARIANTS.keys() - {"as_printed"}
+    assert posed_variants(plain) == POSED_VARIANTS
+    for changed, same in (
+        ({"network": {"pull_neighbours": 4, "smooth_passes": 8}}, {"pulled"}),
+        ({"network": {"pull_neighbours": 4}}, set()),
+        ({"network": {"transformer": "none"}}, {"no_transformer"}),
+        ({"skinning": {"neighbours": 1, "passes": 0}}, {"nearest_weights"}),
+    ):
+        values = override_settings({"skinning": {}, **plain}, changed)
+        assert posed_variants(values).keys() == POSED_VARIANTS.keys() - same
+
+
+def test_our_labels_depart_from_the_canonical_stage_in_what_is_theirs_alone():
+    given = {"points": 1000, "width": 0.5}
+    labels, canonical = SegmentationSettings(**given), CanonicalSettings(**given)
+    assert labels.scaled_layers() == canonical.scaled_layers()
+    with pytest.raises(InputError, match="'garment_points' is not a setting"):
+        SegmentationSettings(garment_points=700)
+    settings = LabelStageSettings(**LABELLING)
+    assert LabelStageSettings(**settings.plain()) == settings

@@ -6,44 +6,38 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.dataset.windows import window_starts
 from drapeline.errors import DamagedFile, InputError
 from drapeline.frames import GENDERS
 from drapeline.models.garment4d.data import DressedSequences
-from drapeline.models.garment4d.final_step import fit_final_step, training_worn_statistics
 from drapeline.models.garment4d.losses import balance_labels
-from drapeline.models.garment4d.settings import CanonicalWeights, SkinningSettings, StageSettings
+from drapeline.models.garment4d.settings import CanonicalWeights, StageSettings
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
+    GarmentStage,
     MgnStage,
     PointNetStage,
     PosedStage,
     Stage,
     distance_mm,
-    load_posed_files,
+    load_seen_forms,
     load_stage,
-    save_posed_files,
-    sequence_names,
+    save_seen_forms,
     window_keys,
 )
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import ByteCache, as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
-from drapeline.registration.settings import RefineSettings
 from drapeline.settings import Settings
 from drapeline.storage import save_npz
-from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data
-from toys.garment4d_stages import batch_of, build_canonical, stage_windows, train_toys
+from toys.garment4d import CANONICAL, POSED, open_toy_data
+from toys.garment4d_stages import batch_of, build_canonical, train_toys
 from toys.histories import column
 from toys.paper import printed
-
-SKINNING = SkinningSettings(neighbours=16, passes=5)
 
 
 class ToyNetwork(Settings):
     size: int = 2
-    body_relative_points: bool = False
 
 
 class ToySettings(StageSettings):
@@ -51,7 +45,7 @@ class ToySettings(StageSettings):
     loss: CanonicalWeights = CanonicalWeights()
 
 
-class ToyStage(Stage):
+class ToyStage(GarmentStage):
     checkpoint_type = "toy"
     SETTINGS, ERROR = ToySettings, "toy_error_mm"
 
@@ -63,6 +57,10 @@ class ToyStage(Stage):
     def losses(self, batch):
         gap = self.weight.sum() - batch["target"]
         return {"squared": gap**2, "total": 3 * gap**2}, 1000 * gap.abs()
+
+    @classmethod
+    def from_metadata(cls, metadata):
+        raise NotImplementedError
 
 
 BATCH = {"target": torch.tensor(5.0), "names": ["a/1", "b/2"]}
@@ -106,14 +104,9 @@ def test_checkpoints_hold_what_a_stage_is_built_from(toy, data):
     torch.testing.assert_close(metadata["space"]["mean"], torch.from_numpy(data.space.mean))
 
 
-def test_batches_are_told_by_window_and_by_sequence():
-    batch = {
-        "sequence": torch.tensor([4, 4]),
-        "start": torch.tensor([0, 3]),
-        "names": ["a/b/10", "a/b/13"],
-    }
+def test_windows_of_batches_are_told_by_sequence_and_first_frame():
+    batch = {"sequence": torch.tensor([4, 4]), "start": torch.tensor([0, 3])}
     assert window_keys(batch) == [(4, 0), (4, 3)]
-    assert sequence_names(batch) == ["a/b", "a/b"]
 
 
 def test_distances_are_mean_lengths_in_millimetres():
@@ -140,7 +133,7 @@ def test_searches_of_earlier_epochs_change_nothing(
     tmp_path, trained_canonical, sequences, monkeypatch
 ):
     monkeypatch.setattr("drapeline.models.garment4d.stages._KEPT_BYTES", 0)
-    searched = train_toys(tmp_path, "searched", build_canonical(sequences, PLAIN), sequences)
+    searched = train_toys(tmp_path, "searched", build_canonical(sequences, CANONICAL), sequences)
     for name in ("train_total", "val_total"):
         np.testing.assert_allclose(
             column(searched, name), column(trained_canonical, name), rtol=1e-5
@@ -170,50 +163,6 @@ def test_weights_of_labels_come_from_the_data_and_are_loaded_again(tmp_path, seq
     expected = balance_labels(data.label_share("train"), 0.5)
     assert len(expected[expected > 0].unique()) > 1
     torch.testing.assert_close(uneven.label_weights, expected)
-
-
-def test_maps_of_the_body_are_fitted_to_training_sequences_and_loaded_again(
-    trained_body_relative, sequences
-):
-    data, stage = sequences.data, load_stage(trained_body_relative, CanonicalStage)
-    trained = data.name[data.of_split("train")].tolist()
-    assert sorted(stage.out_of_fold_alpha) == sorted(trained)
-    again = CanonicalStage(stage.settings, data.space, data.label)
-    again.prepare(stage_windows(again, sequences))
-    for name in ("mean", "scale", "low", "high", "weight", "bias"):
-        found, expected = (getattr(x.network.regression, name) for x in (stage, again))
-        torch.testing.assert_close(found, expected)
-    assert stage.network.regression.weight.abs().max() > 0
-    for name in trained:
-        torch.testing.assert_close(stage.out_of_fold_alpha[name], again.out_of_fold_alpha[name])
-
-
-def test_training_starts_from_the_estimates_of_regressions_without_the_sequence(
-    trained_body_relative, sequences
-):
-    data, stage = sequences.data, load_stage(trained_body_relative, CanonicalStage)
-    windows = data.windows("train", 3, 3)[:2]
-    batch = as_tensors(sequences.batch(windows, 3, body_relative_points=True))
-    names = data.name[windows[:, 0]].tolist()
-    initial_alpha = torch.stack([stage.out_of_fold_alpha[name] for name in names])
-    with torch.no_grad():
-        trained = stage.train().estimate(batch).coefficients
-        expected = stage.network(batch["points"], batch["labels"], initial_alpha).coefficients
-    torch.testing.assert_close(trained, expected)
-    maps = stage.network.maps(batch["points"], batch["labels"] == data.label)
-    assert (stage.network.regression(maps) - initial_alpha).abs().max() > 0.1
-
-
-def test_with_one_training_sequence_alpha_starts_from_the_mean_garment(sequences, caplog):
-    data = sequences.data
-    stage = build_canonical(sequences, CANONICAL)
-    others = data.of_split("train")[1:]
-    data.split = data.split.copy()
-    data.split[others] = "test"
-    stage.prepare(stage_windows(stage, sequences))
-    assert "only one training sequence" in caplog.text
-    assert not stage.out_of_fold_alpha
-    assert stage.network.regression.weight.abs().max() == 0
 
 
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):
@@ -312,26 +261,6 @@ def test_windows_that_canonical_garments_were_predicted_from_are_not_asked_for_a
             torch.testing.assert_close(x, y)
 
 
-def test_training_garments_are_predicted_from_their_out_of_fold_alpha(
-    trained_body_relative, sequences
-):
-    data, canonical = sequences.data, load_stage(trained_body_relative, CanonicalStage)
-    stage = PosedStage(PosedStage.SETTINGS(**POSED), canonical)
-    found = stage.predict_canonicals(data, ("train", "val"))
-    for split in ("train", "val"):
-        sequence = int(data.of_split(split)[0])
-        name = str(data.name[sequence])
-        points = torch.from_numpy(data.clouds(sequence, body_relative_points=True))
-        starts = window_starts(len(points), 3, 3, name)
-        windows = torch.stack([points[start : start + 3] for start in starts])
-        initial_alpha = None
-        if split == "train":
-            initial_alpha = canonical.out_of_fold_alpha[name].expand(len(windows), -1)
-        with torch.no_grad():
-            alpha = canonical.network(windows, None, initial_alpha).coefficients.mean(0).numpy()
-        np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-4)
-
-
 def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(sequences, trained_canonical):
     values = {**POSED, "loss": {"laplacian_form": "released"}}
     posed = PosedStage(PosedStage.SETTINGS(**values), load_stage(trained_canonical, CanonicalStage))
@@ -379,12 +308,11 @@ def test_baselines_are_trained_and_loaded(tmp_path, sequences, trained_canonical
         assert np.abs(body - row).max(axis=1).min() < 1e-6
 
 
-@pytest.mark.parametrize("values", [CANONICAL, PLAIN], ids=["body_relative_points", "plain"])
-def test_two_trainings_end_with_the_same_weights(tmp_path, folder, opened, toy_body, values):
+def test_two_trainings_end_with_the_same_weights(tmp_path, folder, opened, toy_body):
     ends = []
     for name in ("first", "second"):
         sequences = open_toy_data(folder / "data", toy_body, 30)
-        stage = build_canonical(sequences, shortened(values, 2))
+        stage = build_canonical(sequences, shortened(CANONICAL, 2))
         out = train_toys(tmp_path, name, stage, sequences)
         ends.append(read_checkpoint(out / BEST).weights)
     for key, value in ends[0].items():
@@ -448,14 +376,14 @@ def test_a_killed_training_goes_on_with_the_same_data_alone(
 
 
 def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
-    tmp_path, sequences, trained_body_relative, monkeypatch
+    tmp_path, sequences, trained_canonical, monkeypatch
 ):
     settings = PosedStage.SETTINGS(**shortened(POSED, 2))
     for name, epoch in (("same", 1), ("other", 0)):
-        canonical = load_stage(trained_body_relative, CanonicalStage)
+        canonical = load_stage(trained_canonical, CanonicalStage)
         stage = PosedStage(settings, canonical)
         kill_training(monkeypatch, tmp_path, name, stage, sequences)
-        again = load_stage(trained_body_relative, CanonicalStage)
+        again = load_stage(trained_canonical, CanonicalStage)
         if name == "other":
             with torch.no_grad():
                 again.network.encoder.coefficients.bias[0] += 1e-4
@@ -503,37 +431,45 @@ def test_a_template_whose_faces_name_vertices_that_are_not_there_is_refused(
         load_stage(tmp_path, CanonicalStage)
 
 
-def final_step(sequences):
-    return fit_final_step(sequences, SKINNING, [], RefineSettings(), "skinned")
+def test_an_untrained_stage_has_the_weights_that_its_training_began_with(
+    trained_canonical, trained_posed, sequences
+):
+    for folder, cls in ((trained_canonical, CanonicalStage), (trained_posed, PosedStage)):
+        trained = load_stage(folder, cls)
+        before = {name: value.clone() for name, value in trained.state_dict().items()}
+        begun = trained.untrained()
+        assert not begun.training
+        first = cls.from_metadata(trained.checkpoint_metadata())
+        for name, value in first.network.state_dict().items():
+            torch.testing.assert_close(begun.network.state_dict()[name], value, msg=name)
+        weights = [
+            torch.cat([p.flatten() for p in x.network.parameters()]) for x in (begun, trained)
+        ]
+        assert not torch.equal(*weights)
+        # The trained one is as it was, and what it was built on is the same.
+        for name, value in trained.state_dict().items():
+            torch.testing.assert_close(value, before[name], msg=name)
+            if not name.startswith("network."):
+                torch.testing.assert_close(begun.state_dict()[name], value, msg=name)
 
 
-def test_bodies_sizes_and_statistics_come_back(sequences, identity, tmp_path):
-    save_posed_files(tmp_path, sequences, final_step(sequences))
-    bodies, points, step = load_posed_files(tmp_path, identity)
+def test_bodies_and_numbers_of_points_come_back(sequences, tmp_path):
+    save_seen_forms(tmp_path, sequences)
+    bodies, points = load_seen_forms(tmp_path)
     assert points == sequences.data.points.shape[1]
+    assert bodies.count == sequences.bodies.count
     for name, array in sequences.bodies.arrays().items():
         np.testing.assert_array_equal(bodies.arrays()[name], array)
-    wanted = training_worn_statistics(sequences, SKINNING)
-    for part, again in zip(wanted, step.statistics, strict=True):
-        np.testing.assert_array_equal(part, again)
 
 
-def test_without_simulated_training_sequences_there_are_no_statistics(
-    sequences, identity, tmp_path
-):
-    sequences.data.source = np.full_like(sequences.data.source, "skinned")
-    save_posed_files(tmp_path, sequences, final_step(sequences))
-    assert load_posed_files(tmp_path, identity).final_step.statistics is None
-
-
-def test_a_missing_body_is_named(sequences, identity, tmp_path):
-    save_posed_files(tmp_path, sequences, final_step(sequences))
+def test_a_missing_body_is_named(sequences, tmp_path):
+    save_seen_forms(tmp_path, sequences)
     (tmp_path / "bodies" / f"{GENDERS[1]}.npz").unlink()
     with pytest.raises(InputError, match=r"male\.npz: no such file"):
-        load_posed_files(tmp_path, identity)
+        load_seen_forms(tmp_path)
 
 
-def test_numbers_of_points_are_above_zero(identity, tmp_path):
-    save_npz(tmp_path / "reconstruction.npz", body_points=-1, points=5, simulated=False)
+def test_numbers_of_points_are_above_zero(tmp_path):
+    save_npz(tmp_path / "reconstruction.npz", body_points=-1, points=5)
     with pytest.raises(InputError, match=r"reconstruction\.npz: 'body_points' is -1, expected at"):
-        load_posed_files(tmp_path, identity)
+        load_seen_forms(tmp_path)

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.job import Job
-from drapeline.metrics.garment4d import MODEL
+from drapeline.metrics.garment4d import COMPARED, MODEL
 from drapeline.metrics.predictions import Reconstruction, first_reconstructions, load_reconstruction
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.sequence import vertex_errors_mm
@@ -56,8 +56,8 @@ _MOVING_SIZE = (340, 456)  # 480 pixels high with the titles
 _BASELINE = "#b4b8be"
 _DASHED: dict[str, Any] = {"linewidth": 1, "linestyle": (0, (4, 3))}
 _ABLATIONS = (
-    *("lbs", "mgn", "no_body_encoder", "no_transformer", "as_printed", "nearest_weights"),
-    *("posed", "ours"),
+    *("lbs", "mgn", "mgn_pulled", "no_body_encoder", "no_transformer", "released_loss", "pulled"),
+    *("nearest_weights", "posed", "ours"),
 )
 _RING = (213, 94, 0)
 _CLOSE_M = 0.75  # what the height of a close-up spans
@@ -363,39 +363,45 @@ def plot_neighbour_curve(path: str | Path, measured: Table) -> None:
             place_legend_above(panel)
 
 
-def plot_missing_curve(path: str | Path, measured: Table) -> None:
-    """Figure 9: error over the share of the cloud that holes take away."""
-    _plot_robustness(path, measured, "missing", {0.0: "posed"}, "Points missing (%)")
+# Kinds of worse inputs -> label of the axis, and where on it the sequences are as they are.
+_WORSE: dict[str, tuple[str, float | None]] = {
+    "missing": ("Points missing (%)", 0.0),
+    "accuracy": ("Segmentation accuracy (%)", None),
+    "body_noise": ("Noise on poses (mrad)", 0.0),
+    "point_noise": ("Noise on points (mm)", 0.0),
+    "views": ("Cameras around the person", None),
+}
+_MODEL_COLOURS = {"lbs": _BASELINE, "mgn": SKY, "posed": BLUE, "ours": GREEN}
 
 
-def plot_accuracy_curve(path: str | Path, measured: Table) -> None:
-    """Figure 10: error over the share of points with the right label."""
-    _plot_robustness(path, measured, "accuracy", None, "Segmentation accuracy (%)")
-
-
-def _plot_robustness(
-    path: str | Path, measured: Table, prefix: str, ends: Mapping[float, str] | None, label: str
-) -> None:
-    """Curves of the posed garments, with what skinning alone reaches dashed."""
-    name = "vertex_error_mm"
-    with saved_figure(path, 5.6, 3.6) as (_, (axes,)):
-        drawn = False
-        for garment in TEMPLATE_TYPES:
-            found = curve(measured, prefix, garment, name, ends)
-            if not len(found):
-                continue
-            drawn, colour = True, GARMENT_COLOURS[garment]
-            _draw_curve(axes, found, colour, garment)
-            skinned = _value(measured, "lbs", garment, name)
-            if skinned is not None:
-                axes.axhline(skinned["value"], color=colour, **_DASHED)
-        if not drawn:
-            show_message(axes, "Not measured.")
+def plot_worse(path: str | Path, measured: Table, kind: str) -> None:
+    """Errors of all models over how much worse one kind of input is, for each garment type."""
+    label, whole = _WORSE[kind]
+    shown = [
+        garment
+        for garment in TEMPLATE_TYPES
+        if any(len(_worse_curve(measured, name, kind, garment, whole)) for name in COMPARED)
+    ]
+    with saved_figure(path, 9.0, 3.4, columns=max(len(shown), 1)) as (_, axes):
+        if not shown:
+            show_message(axes[0], "Not measured.")
             return
-        axes.plot([], [], color=QUIET, label=variant(MODEL, "lbs").title, **_DASHED)
-        axes.set(xlabel=label, ylabel=metric(name).heading, ylim=(0, None))
-        axes.grid(axis="y")
-        place_legend_above(axes)
+        for panel, garment in zip(axes, shown, strict=True):
+            for name, title in COMPARED.items():
+                found = _worse_curve(measured, name, kind, garment, whole)
+                if len(found):
+                    _draw_curve(panel, found, _MODEL_COLOURS[name], title)
+            heading = metric("vertex_error_mm").heading if panel is axes[0] else ""
+            panel.set(xlabel=label, ylabel=heading, ylim=(0, None), title=garment)
+            panel.grid(axis="y")
+        axes[0].legend(frameon=False, fontsize="small")
+
+
+def _worse_curve(
+    measured: Table, name: str, kind: str, garment: str, whole: float | None
+) -> pd.DataFrame:
+    ends = None if whole is None else {whole: f"{name}_undegraded"}
+    return curve(measured, f"{name}_{kind}", garment, "vertex_error_mm", ends)
 
 
 def plot_ablation(path: str | Path, measured: Table, garment: str) -> None:
@@ -474,5 +480,5 @@ def plot_curves(job: Job) -> None:
     rows = read_test_metrics(job.input.metrics, [MODEL])
     plot_ablation(job.output.ablation, rows, job.params.garment)
     plot_neighbour_curve(job.output.neighbours, rows)
-    plot_missing_curve(job.output.missing, rows)
-    plot_accuracy_curve(job.output.accuracy, rows)
+    for kind in _WORSE:
+        plot_worse(job.output[kind], rows, kind)

@@ -1,10 +1,9 @@
 """Our final step: the garment at rest corrected by its points, and laid on them in every frame.
 
-It takes a first guess of the garment at rest and the labels of the points; the posed network has no
-part in it. The guess, skinned, is moved to the points of some frames. Where it had to stretch for
-that, it was too short: a regression from such lengths and offsets, fitted in closed form to
-training sequences, corrects it. The corrected garment, skinned or simulated, is then moved to the
-points of all frames.
+It takes a first guess of the garment at rest and the labels of the points. The guess, skinned, is
+moved to the points of some frames. Where it had to stretch for that, it was too short: a regression
+from such lengths and offsets, fitted in closed form to training sequences, corrects it. The
+corrected garment, skinned or simulated, is then moved to the points of all frames.
 
 F frames, P points, N vertices of the template, K of its springs, D components.
 """
@@ -17,21 +16,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.sequence import untouched_sequence
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.generation.moving_sheets import WORN, simulate_sheet
+from drapeline.geometry.collision import PenetrationResolver
 from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics.sequence import vertex_error_mm
-from drapeline.models.garment4d.canonical import MapRegression
 from drapeline.models.garment4d.data import (
     BodySequences,
-    ShapedBody,
+    Seen,
     proposals,
     propose_garment,
     skinning_weights,
     spread_rows,
 )
+from drapeline.models.garment4d.ours.body_maps import MapRegression
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.outfits.garment_types import BODY, GARMENT_TYPES, LABELS
 from drapeline.registration.settings import RefineSettings
@@ -45,32 +47,13 @@ from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER, progress
 from drapeline.simulation.settings import SimulationSettings
 
+DEFAULT_REFINING = RefineSettings()
 _SMALL_M = 1e-4
 _TINY_M = 1e-9
 _MOST_FRAMES = 20  # of a sequence, evenly spread, that a correction is made from
 # How far simulated garments are off, and the share of their accelerations that is right.
 _SIMULATED_ERROR_M, _SIMULATED_FOLLOW = 0.08, 1.0
 _SIMULATION = SimulationSettings(attempts=1, floor=False)
-
-
-class Seen(NamedTuple):
-    """A sequence as the final step is given it; metres, root frame."""
-
-    points: np.ndarray  # (F, P, 3)
-    labels: np.ndarray  # (F, P) codes of `LABELS`, what each point is taken for
-    poses: np.ndarray  # (F, 72) rad, 30 per second
-    trans: np.ndarray  # (F, 3) of the root joint in the world
-    body: ShapedBody
-
-    def frames(self, chosen: np.ndarray) -> "Seen":
-        """Some frames of it."""
-        return Seen(
-            self.points[chosen],
-            self.labels[chosen],
-            self.poses[chosen],
-            self.trans[chosen],
-            self.body,
-        )
 
 
 class LaidGarment(NamedTuple):
@@ -102,7 +85,7 @@ class FinalStep:
         """The garment in all frames, from one (N, 3) at rest that is taken as it is."""
         proposal, statistics = self.propose(canonical, seen)
         final = self._fit(proposal, canonical, seen, settings, statistics)
-        return LaidGarment(canonical, proposal, final)
+        return LaidGarment(canonical, proposal, self._push_out(final, seen))
 
     def correct(self, first: np.ndarray, seen: Seen) -> np.ndarray:
         """(N, 3) float32 garment at rest, from a first guess (N, 3)."""
@@ -154,6 +137,17 @@ class FinalStep:
         motions = seen.body.transforms(seen.poses)
         return proposals(canonical[None], weights[None], motions[None])[0], weights, motions
 
+    def _push_out(self, garment: np.ndarray, seen: Seen) -> np.ndarray:
+        """The garment (F, N, 3) where the whole body, not some vertices of it, lets it be."""
+        model = seen.body.model
+        bodies = posed_vertices(model, seen.body.shape, seen.poses)[0]
+        average = averaging_matrix(self.space.faces, garment.shape[1])
+        resolver, out = PenetrationResolver(bodies[0], model.faces), np.zeros_like(garment)
+        for frame, body in enumerate(bodies):
+            resolver.move(body)
+            out[frame] = resolver.push_out(garment[frame], average)
+        return out
+
     def _fit(
         self,
         proposal: np.ndarray,
@@ -165,13 +159,13 @@ class FinalStep:
         return fit_to_points(
             proposal,
             seen.points,
-            seen.labels == self.label,
+            seen.taken_for(self.label),
             self.space.faces,
             canonical,
             *seen.body.pose_surface(seen.poses),
             settings,
             worn_statistics=statistics,
-            bare=seen.labels == LABELS.index(BODY),
+            bare=seen.taken_for(LABELS.index(BODY)),
         )
 
     def arrays(self) -> dict[str, Any]:
@@ -204,13 +198,12 @@ def load_final_step(
     statistics = (
         WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
     )
-    state = {
-        name.removeprefix(_CORRECTION): torch.from_numpy(value)
-        for name, value in found.items()
-        if name.startswith(_CORRECTION)
-    }
     correction = None
-    if state:
+    if any(name.startswith(_CORRECTION) for name in found):
+        state = {
+            name: torch.from_numpy(found[f"{_CORRECTION}{name}"])
+            for name in MapRegression(1, 1, 1).state_dict()
+        }
         correction = MapRegression(1, *state["weight"].shape)
         correction.load_state_dict(state)
     return FinalStep(space, label, skinning, statistics, correction, bool(found["simulated"]))
@@ -280,13 +273,6 @@ def fit_final_step(
     return replace(step, simulated=simulated)
 
 
-def seen_sequence(sequences: BodySequences, sequence: int, labels: np.ndarray) -> Seen:
-    """A sequence of the data with labels (F, P)."""
-    data, body = sequences.data, sequences.body(sequence)
-    rows = data.rows(sequence)
-    return Seen(data.points[rows], labels, data.poses[rows], data.trans[rows], body)
-
-
 def _fit_correction(
     step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess]
 ) -> MapRegression | None:
@@ -295,9 +281,7 @@ def _fit_correction(
         return None
     evidence = np.stack(
         [
-            step.evidence(
-                space.vertices(guess.alpha), seen_sequence(sequences, guess.sequence, guess.labels)
-            )
+            step.evidence(space.vertices(guess.alpha), sequences.seen(guess.sequence, guess.labels))
             for guess in progress(guesses, label="corrections")
         ]
     )
@@ -318,7 +302,7 @@ def _errors_mm(
     ways = [replace(step, simulated=simulated) for simulated in (False, True)]
     errors = []
     for guess in progress(guesses, label="proposals"):
-        seen = seen_sequence(sequences, guess.sequence, guess.labels)
+        seen = sequences.seen(guess.sequence, guess.labels)
         canonical = step.correct(data.space.vertices(guess.alpha), seen)
         true = data.garment[data.rows(guess.sequence)]
         laid = (way.lay(canonical, seen, settings).final for way in ways)

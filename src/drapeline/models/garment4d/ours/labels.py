@@ -1,0 +1,251 @@
+"""Labels of points: one network that tells the garments of all types from skin, and each other.
+
+Points also say where on the known body they are. Half of the training windows say so of a body that
+is off, since a body that was estimated is. B windows of T clouds of P points, L labels.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from drapeline.dataset.windows import window_starts
+from drapeline.learning_data.sequences import SequenceData
+from drapeline.models.garment4d.canonical import Segmentation, as_level
+from drapeline.models.garment4d.data import SequenceWindows, spread_rows
+from drapeline.models.garment4d.losses import balance_labels
+from drapeline.models.garment4d.ours.body_maps import body_map, map_cells
+from drapeline.models.garment4d.settings import LabelStageSettings, SegmentationSettings
+from drapeline.models.garment4d.stages import Stage, window_keys
+from drapeline.models.layers.linear import linear
+from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory, gather_rows
+from drapeline.models.training.batches import Batch
+from drapeline.outfits.garment_types import BODY, GARMENT_TYPES, LABELS, OUTFIT_TYPES
+
+_CELL_M = 0.05  # of the maps that labels are predicted from
+_MAP_WIDTH = 64
+_KEPT_BYTES = 1 << 30  # of the answers to searches in windows
+_MOST_VALIDATED = 3  # windows of a sequence: long ones would outvote the others
+
+
+class LabelNetwork(nn.Module):
+    """PointNet++ that is shown a map of the body with the mean height of points over each part.
+
+    What tells tops from t-shirts are sleeves, which are out of a ball's reach. The map is of the
+    whole sequence, so that labels do not change their mind from frame to frame.
+    """
+
+    def __init__(self, settings: SegmentationSettings, rng: torch.Generator) -> None:
+        super().__init__()
+        layers = settings.scaled_layers()
+        self.segmentation = Segmentation(layers, 4, rng)
+        self.overview = nn.Sequential(
+            linear(map_cells(_CELL_M), _MAP_WIDTH, rng),
+            nn.ReLU(),
+            linear(_MAP_WIDTH, layers.segmentation[-1].outputs, rng),
+        )
+
+    def forward(
+        self,
+        points: torch.Tensor,
+        on_body: torch.Tensor,
+        heights: torch.Tensor,
+        searches: Searches = SEARCH_ANEW,
+    ) -> torch.Tensor:
+        """Logits (B, T, P, L).
+
+        Args:
+            points: (B, T, P, 3) metres, root frame.
+            on_body: (B, T, P, 4) their places on the body.
+            heights: (B, cells) `map_heights` of the sequences that they are of.
+            searches: among the points of these windows.
+        """
+        level, order = as_level(torch.cat([points, on_body], dim=-1))
+        overview = self.overview(heights).repeat_interleave(points.shape[1], dim=0)
+        _, logits = self.segmentation(level, searches, overview)
+        return gather_rows(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+
+
+def map_heights(on_body: np.ndarray) -> np.ndarray:
+    """(cells,) float32 map of a whole sequence, of places (F, P, 4) on the body."""
+    places = torch.from_numpy(np.array(on_body))
+    return body_map(places, places[..., 3:], len(places), _CELL_M)[0].numpy()
+
+
+class LabelStage(Stage):
+    """The network in training, with the cross-entropy of labels that are balanced."""
+
+    checkpoint_type = "garment4d_labels"
+    SETTINGS, ERROR = LabelStageSettings, "wrong_share"
+    label_weights: torch.Tensor
+
+    def __init__(self, settings: LabelStageSettings) -> None:
+        super().__init__(settings)
+        self.network = LabelNetwork(settings.network, self.weight_rng())
+        self.register_buffer("label_weights", torch.ones(len(LABELS)))
+        self._memory = SearchMemory(_KEPT_BYTES)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
+        """An untrained one, from what `checkpoint_metadata` gave."""
+        return cls(LabelStageSettings(**metadata["settings"]))
+
+    def prepare(self, clouds: "LabelledClouds") -> None:
+        """Balance labels by their share of the training points."""
+        balance = self.settings.loss.balance
+        self.label_weights.copy_(balance_labels(clouds.label_share(), balance))
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Cross-entropy, and the share of wrong labels."""
+        # Points are the same in every epoch.
+        searches = self._memory.of(window_keys(batch)) if self.training else SEARCH_ANEW
+        logits = self.network(batch["points"], batch["on_body"], batch["heights"], searches)
+        labels = batch["labels"]
+        of_points = F.cross_entropy(
+            logits.flatten(0, 2), labels.flatten(), self.label_weights, reduction="none"
+        )
+        wrong = (logits.detach().argmax(-1) != labels).float().mean()
+        return {"total": of_points.mean()}, wrong
+
+    @torch.inference_mode()
+    def logits(self, points: np.ndarray, on_body: np.ndarray) -> np.ndarray:
+        """(F, P, L) of a sequence's points (F, P, 3) at places (F, P, 4) on the body.
+
+        Raises:
+            InputError: the sequence is shorter than a window.
+        """
+        heights = torch.from_numpy(map_heights(on_body)).to(self.device)
+        windows = SequenceWindows(len(points), self.settings.training.frames)
+        mean = windows.mean((points.shape[1], len(LABELS)))
+        for starts in windows.batches():
+            given = (
+                torch.from_numpy(windows.of(starts, x)).to(self.device) for x in (points, on_body)
+            )
+            found = self.network(*given, heights.expand(len(starts), -1))
+            mean.add(starts, found.cpu().numpy())
+        return mean()
+
+
+def choose_labels(logits: np.ndarray, garment: str) -> np.ndarray:
+    """The likeliest labels (...) uint8 by logits (..., L), knowing that a garment is worn.
+
+    Nothing is taken for what is not worn together with it: where that covers the same part of the
+    body, as tops do that of t-shirts, it has been taken for the garment, and counts as that.
+    """
+    asked, scores = LABELS.index(garment), np.array(logits, dtype=np.float64)
+    worn = {name for outfit in map(_split, OUTFIT_TYPES) if garment in outfit for name in outfit}
+    region = GARMENT_TYPES[garment].region
+    for label, name in enumerate(LABELS):
+        if name not in (BODY, garment, *worn):
+            if region in ("whole", GARMENT_TYPES[name].region):
+                scores[..., asked] = np.logaddexp(scores[..., asked], scores[..., label])
+            scores[..., label] = -np.inf
+    return scores.argmax(axis=-1).astype(np.uint8)
+
+
+def _split(outfit_type: str) -> list[str]:
+    return outfit_type.split("+")
+
+
+class LabelledClouds:
+    """Windows of clouds as rows to train on, each sequence once, whatever types it is data of.
+
+    All windows come twice: with the body, and with one that is off.
+
+    Args:
+        data: of the types.
+        frames: T.
+        stride: from one training window to the next; validation windows do not overlap.
+        sources: of training sequences.
+    """
+
+    def __init__(
+        self, data: Sequence[SequenceData], *, frames: int, stride: int, sources: Sequence[str]
+    ) -> None:
+        self._frames = frames
+        self._sequences: list[_Clouds] = []
+        windows: dict[str, list[tuple[int, int]]] = {"train": [], "val": []}
+        for name, clouds in _every_sequence(data, sources).items():
+            count = len(clouds.labels)
+            if clouds.split == "train":
+                starts = window_starts(count, frames, stride, name)
+            else:
+                starts = window_starts(count, frames, frames, name)
+                starts = spread_rows(np.array(starts), _MOST_VALIDATED).tolist()
+            windows[clouds.split] += [(len(self._sequences), start) for start in starts]
+            self._sequences.append(clouds)
+        # Sequence, first frame and whether the body is exact.
+        both = [(*one, exact) for split in windows for one in windows[split] for exact in (1, 0)]
+        self._windows = np.array(both, dtype=np.int64).reshape(-1, 3)
+        trained = 2 * len(windows["train"])
+        self._rows = {
+            "train": np.arange(trained),
+            "val": np.arange(trained, len(self._windows)),
+        }
+
+    def rows(self, split: str) -> np.ndarray:
+        """Rows of "train" or "val"."""
+        return self._rows[split]
+
+    def batch(self, rows: np.ndarray) -> Batch:
+        """Windows (B,): what the network is given, `labels`, `names`, `sequence` and `start`."""
+        windows = self._windows[rows]
+        parts = [
+            (self._sequences[number], slice(start, start + self._frames), exact)
+            for number, start, exact in windows.tolist()
+        ]
+        return {
+            "points": np.stack([one.points[span] for one, span, _ in parts]),
+            "on_body": np.stack(
+                [(one.on_body if exact else one.on_inexact)[span] for one, span, exact in parts]
+            ),
+            "heights": np.stack([one.heights[1 - exact] for one, _, exact in parts]),
+            "labels": np.stack([one.labels[span] for one, span, _ in parts]).astype(np.int64),
+            "names": [f"{one.name}/{span.start}" for one, span, _ in parts],
+            "sequence": windows[:, 0],
+            "start": windows[:, 1],
+        }
+
+    def label_share(self) -> np.ndarray:
+        """(L,) of the training points that have each label."""
+        count = np.zeros(len(LABELS))
+        for one in self._sequences:
+            if one.split == "train":
+                count += np.bincount(one.labels.ravel(), minlength=len(LABELS))
+        return count / max(count.sum(), 1)
+
+
+class _Clouds(NamedTuple):
+    """Of one sequence, memory-mapped."""
+
+    name: str
+    split: str
+    points: np.ndarray  # (F, P, 3)
+    on_body: np.ndarray  # (F, P, 4)
+    on_inexact: np.ndarray  # (F, P, 4)
+    labels: np.ndarray  # (F, P)
+    heights: tuple[np.ndarray, np.ndarray]  # `map_heights` on both bodies
+
+
+def _every_sequence(data: Sequence[SequenceData], sources: Sequence[str]) -> dict[str, _Clouds]:
+    """By name; for training those of some sources, and of the validation split those of any."""
+    found: dict[str, _Clouds] = {}
+    for one in data:
+        chosen = [*one.of_split("train", sources), *one.of_split("val")]
+        for sequence in chosen:
+            name, rows = str(one.name[sequence]), one.rows(sequence)
+            if name not in found:
+                on_body, inexact = one.on_body[rows], one.on_inexact_body[rows]
+                found[name] = _Clouds(
+                    name,
+                    str(one.split[sequence]),
+                    one.points[rows],
+                    on_body,
+                    inexact,
+                    one.labels[rows],
+                    (map_heights(on_body), map_heights(inexact)),
+                )
+    return found

@@ -1,0 +1,14 @@
+"""Files of an experiment, and which groups a model learns from."""
+
+from toys.plans import files_of
+
+
+def test_models_learn_from_all_groups_but_those_that_are_for_others():
+    brief = {"count": 4, "solver": "xpbd", "prefix": "B", "learned_by": ["garment4d"]}
+    files = files_of({"groups": {"dataset": {"count": 3}, "brief": brief}})
+    own = {name: files.learned_by(name) for name in ("gcvae", "garment4d")}
+    assert own["garment4d"].groups == files.groups
+    assert own["gcvae"].groups.keys() == files.groups.keys() - {"brief"}
+    left_out = {*files.moving_plans} - {*own["gcvae"].moving_plans}
+    assert left_out == {f"B{number:05d}" for number in range(1, 5)}
+    assert own["gcvae"].config == files.config
