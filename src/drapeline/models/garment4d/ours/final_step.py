@@ -75,6 +75,7 @@ class FinalStep:
     statistics: WornGarmentStatistics | None = None
     # From `evidence` to changes of alpha; None where no first guess is of garments left out.
     correction: MapRegression | None = None
+    most_m: float = 0.0  # root mean square that a correction moves vertices by, at most
     simulated: bool = False  # whether proposals are simulated rather than skinned
 
     def __call__(self, first: np.ndarray, seen: Seen, settings: RefineSettings) -> LaidGarment:
@@ -93,6 +94,9 @@ class FinalStep:
             return first
         evidence = torch.from_numpy(self.evidence(first, seen))[None]
         change = self.correction(evidence)[0].numpy()
+        # Scans may be worse than anything that the regression was fitted to.
+        moved_m = float(np.sqrt(change @ self.space.metric() @ change))
+        change = change * min(1.0, self.most_m / max(moved_m, _SMALL_M))
         return first + self.space.vertices(change) - self.space.mean
 
     def propose(
@@ -176,6 +180,7 @@ class FinalStep:
         if self.correction is not None:
             state = self.correction.state_dict()
             found |= {f"{_CORRECTION}{name}": value.numpy() for name, value in state.items()}
+            found["most_m"] = self.most_m
         return found
 
 
@@ -187,6 +192,7 @@ FINAL_STEP_FORMS = {
     **{f"{_CORRECTION}{name}?": "float 1 e" for name in ("mean", "scale", "low", "high")},
     f"{_CORRECTION}weight?": "float e d",
     f"{_CORRECTION}bias?": "float d",
+    "most_m?": "float",
 }
 
 
@@ -206,7 +212,10 @@ def load_final_step(
         }
         correction = MapRegression(1, *state["weight"].shape)
         correction.load_state_dict(state)
-    return FinalStep(space, label, skinning, statistics, correction, bool(found["simulated"]))
+    step = FinalStep(space, label, skinning, statistics, simulated=bool(found["simulated"]))
+    if correction is None:
+        return step
+    return replace(step, correction=correction, most_m=float(found["most_m"]))
 
 
 def simulate_proposals(
@@ -263,7 +272,7 @@ def fit_final_step(
     by_split: dict[str, list[Guess]] = {"train": [], "val": []}
     for guess in guesses:
         by_split[str(data.split[guess.sequence])].append(guess)
-    step = replace(step, correction=_fit_correction(step, sequences, by_split["train"]))
+    step = _fit_correction(step, sequences, by_split["train"])
     simulated = proposals == "simulated"
     held = GARMENT_TYPES[LABELS[data.label]].region == "lower"
     if proposals == "best" and held and by_split["val"]:
@@ -275,10 +284,11 @@ def fit_final_step(
 
 def _fit_correction(
     step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess]
-) -> MapRegression | None:
+) -> FinalStep:
+    """The step with its correction, if there are two guesses or more."""
     data, space = sequences.data, sequences.data.space
     if len(guesses) < 2:
-        return None
+        return step
     evidence = np.stack(
         [
             step.evidence(space.vertices(guess.alpha), sequences.seen(guess.sequence, guess.labels))
@@ -289,9 +299,10 @@ def _fit_correction(
     regression = MapRegression(1, evidence.shape[-1], len(space.components))
     metric = space.metric()
     _, error = regression.fit(evidence, off, [str(one.sequence) for one in guesses], metric)
-    before = float(np.sqrt(((off @ metric) * off).sum(axis=1).mean()))
+    size_m = np.sqrt(((off @ metric) * off).sum(axis=1))
+    before = float(np.sqrt((size_m**2).mean()))
     LOGGER.info("garments at rest: off by %.1f mm, corrected %.1f mm", 1e3 * before, 1e3 * error)
-    return regression
+    return replace(step, correction=regression, most_m=float(size_m.max()))
 
 
 def _errors_mm(

@@ -1,6 +1,10 @@
 """The garment at rest corrected by its points, and laid on them."""
 
+import copy
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import torch
 
 from drapeline.models.garment4d.data import propose_garment
@@ -117,6 +121,21 @@ def test_a_correction_is_what_the_regression_says_of_the_evidence(sequences, dat
     change = step.correction(torch.from_numpy(step.evidence(data.space.mean, given))[None])
     expected = data.space.vertices(change[0].numpy())
     np.testing.assert_allclose(step.correct(data.space.mean, given), expected, atol=1e-6)
+
+
+def test_a_correction_is_no_larger_than_errors_of_first_guesses_were(sequences, data):
+    step = fit_final_step(sequences, SKINNING, guesses(data, sequences), SETTINGS, "skinned")
+    given = seen(sequences, int(data.of_split("test")[0]))
+    wild = replace(step, correction=copy.deepcopy(step.correction))
+    wild.correction.bias += 50.0
+    away = wild.correct(data.space.mean, given) - data.space.mean
+    moved_m = np.sqrt((away.astype(np.float64) ** 2).sum(axis=-1).mean())
+    assert moved_m == pytest.approx(step.most_m, rel=0.01)
+    largest = max(
+        np.sqrt(((data.canonical[g.sequence] - data.space.vertices(g.alpha)) ** 2).sum(-1).mean())
+        for g in guesses(data, sequences)
+    )
+    assert step.most_m == pytest.approx(largest, rel=0.05)
 
 
 def test_without_simulated_training_sequences_there_are_no_statistics(sequences, data, tmp_path):
