@@ -107,10 +107,10 @@ def test_each_table_shows_its_metric_of_its_models(metrics, tmp_path):
     assert first(worse) == [
         ["Garment4D, posed stage, the same sequences as they are", "28.0"],
         ["Garment4D, posed stage, poses off by 50 mrad", "33.0"],
-        ["Ours, seen from 1 sides", "34.0"],
+        ["Ours, number of cameras: 1", "34.0"],
     ]
     assert first("The same of our garments at rest: M1 (mm)") == [
-        ["Ours, seen from 1 sides", "26.0"],
+        ["Ours, number of cameras: 1", "26.0"],
     ]
     sweep = "Neighbours K (figure 8): M2 (mm)"
     assert first(sweep) == [["K = 4", "31.0"], ["K = 16", "30.0"]]
