@@ -319,13 +319,20 @@ class SequenceData:
         Raises:
             InputError: a point has another label.
         """
-        count = np.zeros(len(LABELS), dtype=np.int64)
-        for sequence in self.of_split(split):
-            own = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
-            if len(own) > len(LABELS):
-                raise InputError(
-                    f"{self._folder / 'labels.npy'}: holds label {len(own) - 1},"
-                    f" expected 0 to {len(LABELS) - 1}"
-                )
-            count += own
+        counts = [self.count_labels(sequence) for sequence in self.of_split(split)]
+        count = np.sum(counts, axis=0) if counts else np.zeros(len(LABELS))
         return count / max(count.sum(), 1)
+
+    def count_labels(self, sequence: int) -> np.ndarray:
+        """(L,) points of a sequence that have each of `LABELS`.
+
+        Raises:
+            InputError: a point has another label.
+        """
+        count = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+        if len(count) > len(LABELS):
+            raise InputError(
+                f"{self._folder / 'labels.npy'}: holds label {len(count) - 1},"
+                f" expected 0 to {len(LABELS) - 1}"
+            )
+        return count

@@ -211,10 +211,8 @@ class LabelledClouds:
 
     def label_share(self) -> np.ndarray:
         """(L,) of the training points that have each label."""
-        count = np.zeros(len(LABELS))
-        for one in self._sequences:
-            if one.split == "train":
-                count += np.bincount(one.labels.ravel(), minlength=len(LABELS))
+        trained = [one.label_count for one in self._sequences if one.split == "train"]
+        count = sum(trained, start=np.zeros(len(LABELS)))
         return count / max(count.sum(), 1)
 
 
@@ -227,6 +225,7 @@ class _Clouds(NamedTuple):
     on_body: np.ndarray  # (F, P, 4)
     on_inexact: np.ndarray  # (F, P, 4)
     labels: np.ndarray  # (F, P)
+    label_count: np.ndarray  # (L,) of its points
     heights: tuple[np.ndarray, np.ndarray]  # `map_heights` on both bodies
 
 
@@ -246,6 +245,7 @@ def _every_sequence(data: Sequence[SequenceData], sources: Sequence[str]) -> dic
                     on_body,
                     inexact,
                     one.labels[rows],
+                    one.count_labels(sequence),
                     (map_heights(on_body), map_heights(inexact)),
                 )
     return found
