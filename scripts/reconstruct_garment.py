@@ -21,20 +21,24 @@ with rule_log(snakemake.log[0]) as log:
     model.refining = RefineSettings(**params.refine)
     bodies = model.bodies.models
     scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
-    body = scans.body
     found = reconstruct_scans(scans, model, name=given.points, seed=params.seed)
+    garment, seen = found.made, found.made.seen
     write_metrics(made.metrics, found.rows)
     found.shown.save(made.shown)
     write_reconstruction(
         made.sample,
-        bodies[body.gender],
+        bodies[seen.body.gender],
         SampleInfo(
-            poses=body.poses,
-            trans=body.trans,
-            shape=body.shape,
-            gender=body.gender,
+            poses=seen.poses,
+            trans=seen.trans,
+            shape=seen.body.shape,
+            gender=seen.body.gender,
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
-        [GarmentAnimation(params.garment, Mesh(found.canonical, model.space.faces), found.final)],
+        [
+            GarmentAnimation(
+                params.garment, Mesh(garment.canonical, model.space.faces), garment.final
+            )
+        ],
     )
-    log.info("%s in %d frames", params.garment, len(found.final))
+    log.info("%s in %d frames", params.garment, len(garment.final))

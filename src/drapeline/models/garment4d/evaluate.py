@@ -167,8 +167,7 @@ class SplitEvaluation:
         told = model.make(self.sequences.seen(sequence, labels))
         self._measure_canonical("ours_true_labels", sequence, told.canonical)
         self.measure_garment("ours_true_labels", sequence, told.final)
-        seen = self.sequences.seen(sequence, made.labels)
-        laid = model.final_step.lay(data.canonical[sequence], seen, model.refining)
+        laid = model.final_step.lay(data.canonical[sequence], made.seen, model.refining)
         self.measure_garment("ours_true_rest", sequence, laid.final)
 
     def measure_garment(
@@ -215,9 +214,6 @@ class SplitEvaluation:
             name=str(data.name[sequence]),
             garment=data.garment_type,
             faces=data.space.faces,
-            points=data.points[rows],
-            poses=data.poses[rows],
-            body=self.sequences.body(sequence),
             number=data.number[rows],
             true=data.garment[rows],
             true_canonical=data.canonical[sequence],
@@ -248,7 +244,9 @@ class SplitEvaluation:
                     self._measure_errors(f"mgn_{name}", sequence, made.final)
                 made = ours.make(seen)
                 self._measure_canonical(f"ours_{name}", sequence, made.canonical)
-                self._measure_errors(f"ours_{name}", sequence, made.final)
+                # The true garment is relative to the root joint as it was given.
+                shift = (made.seen.trans - seen.trans)[:, None]
+                self._measure_errors(f"ours_{name}", sequence, made.final + shift)
 
     def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None

@@ -50,13 +50,20 @@ _NEXT = 3.0  # distances between points within which a vertex is next to one
 
 
 class ReconstructedGarment(NamedTuple):
-    """A garment through a sequence, step by step; metres, root frame."""
+    """A garment through a sequence, step by step; metres, relative to the root joint of `seen`."""
 
-    labels: np.ndarray  # (F, P) uint8 of the points
+    # The sequence, labelled, with the body that the garment lies on: as it was given, or fitted.
+    seen: Seen
     canonical: np.ndarray  # (N, 3) at rest
     proposal: np.ndarray  # (F, N, 3) skinned, or in our model simulated
     final: np.ndarray  # (F, N, 3) moved by displacements, or laid on the points
     seconds: float  # that all of it took
+
+    @property
+    def labels(self) -> np.ndarray:
+        """(F, P) uint8 of the points."""
+        assert self.seen.labels is not None
+        return self.seen.labels
 
 
 class Estimate(NamedTuple):
@@ -165,8 +172,7 @@ def reconstruct(
         final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
     labels = estimated.labels if seen.labels is None else seen.labels
-    assert labels is not None  # a posed stage has a canonical network that segments
-    return ReconstructedGarment(labels, canonical, proposal, final, seconds)
+    return ReconstructedGarment(seen._replace(labels=labels), canonical, proposal, final, seconds)
 
 
 def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
@@ -204,9 +210,6 @@ def build_reconstruction(
     name: str,
     garment: str,
     faces: np.ndarray,
-    points: np.ndarray,
-    poses: np.ndarray,
-    body: ShapedBody,
     number: np.ndarray,
     true: np.ndarray | None = None,
     true_canonical: np.ndarray | None = None,
@@ -214,13 +217,12 @@ def build_reconstruction(
     """A reconstruction with all that figures need; the floor is at the lowest vertex.
 
     Args:
-        made: with labels.
         faces: (E, 3) of its template.
-        points, poses, body: that it was made from.
         number: (F,) of the frames.
         true, true_canonical: (F, N, 3) and (N, 3); None for scans.
     """
-    vertices = posed_vertices(body.model, body.shape, poses)[0]
+    seen, body = made.seen, made.seen.body
+    vertices = posed_vertices(body.model, body.shape, seen.poses)[0]
     return Reconstruction(
         name=name,
         garment=garment,
@@ -230,12 +232,12 @@ def build_reconstruction(
         final=made.final,
         true=made.final[:0] if true is None else true,
         true_canonical=made.canonical[:0] if true_canonical is None else true_canonical,
-        points=points,
+        points=seen.points,
         labels=made.labels,
         body=vertices,
         rest_body=rest_body(body.model, body.shape),
         body_faces=body.model.faces,
-        root_rotation=poses[:, :3],
+        root_rotation=seen.poses[:, :3],
         root_height=-vertices[..., 2].min(axis=1),
         number=number,
     )
@@ -256,14 +258,11 @@ class ReconstructedMotion(NamedTuple):
     # (F, N) bool, which vertices lie next to points of the garment. Where there are none, cloth is
     # as in other frames, or as garments of the type are.
     seen: np.ndarray
-
-
-class ReconstructionSteps(NamedTuple):
-    """A reconstruction step by step, relative to the root joint."""
-
-    points: np.ndarray  # (F, P, 3) that the model was given
-    body: ShapedBody  # whose garment it is
-    made: ReconstructedGarment
+    # (F, 72) rad, (F, 3) metres and (10,) of the body that it lies on: as given, or fitted to the
+    # points.
+    poses: np.ndarray
+    trans: np.ndarray
+    shape: np.ndarray
 
 
 class ReconstructionModel(ABC):
@@ -338,23 +337,25 @@ class ReconstructionModel(ABC):
             "trans": np.zeros((len(np.atleast_1d(poses)), 3)) if trans is None else trans,
         }
         scans = to_scans(points, parameters, self.bodies.models)
-        steps = self.reconstruct_steps(scans, name="points", seed=seed, least_share=least_share)
-        root = scans.body.trans.astype(np.float32)[:, None]
+        made = self.reconstruct_scans(scans, name="points", seed=seed, least_share=least_share)
+        seen = made.seen
+        root = seen.trans.astype(np.float32)[:, None]
         return ReconstructedMotion(
             self.garment,
-            steps.made.final + root,
+            made.final + root,
             self.space.faces,
-            steps.made.canonical,
-            steps.points + root,
-            steps.made.labels,
-            seen_vertices(
-                steps.made.final, steps.points, steps.made.labels == LABELS.index(self.garment)
-            ),
+            made.canonical,
+            seen.points + root,
+            made.labels,
+            self.seen_vertices(made),
+            seen.poses,
+            seen.trans,
+            seen.body.shape,
         )
 
-    def reconstruct_steps(
+    def reconstruct_scans(
         self, scans: ScanSequence, *, name: str, seed: int, least_share: float = LEAST_SHARE
-    ) -> ReconstructionSteps:
+    ) -> ReconstructedGarment:
         """The same of scans, with what each step makes.
 
         Args:
@@ -368,17 +369,14 @@ class ReconstructionModel(ABC):
         clouds = scans.points(self.points, seed=seed)
         body = self.bodies.of(motion.gender, motion.shape)
         made = self.make(Seen(clouds, motion.poses, motion.trans, body))
-        chosen = made.labels == LABELS.index(self.garment)
+        chosen = made.seen.taken_for(LABELS.index(self.garment))
         check_labels(name, chosen, self.garment, least_share)
-        seen = seen_vertices(made.final, clouds, chosen)
-        LOGGER.info(
-            "%s: on average %.0f %% of the %s was seen in a frame, and %.0f %% in none",
-            name,
-            100 * seen.mean(),
-            self.garment,
-            100 * (~seen.any(axis=0)).mean(),
-        )
-        return ReconstructionSteps(clouds, body, made)
+        return made
+
+    def seen_vertices(self, made: ReconstructedGarment) -> np.ndarray:
+        """(F, N) bool, which vertices have a point of the garment next to them."""
+        own = made.seen.taken_for(LABELS.index(self.garment))
+        return seen_vertices(made.final, made.seen.points, own)
 
 
 class NetworksModel(ReconstructionModel):

@@ -26,7 +26,7 @@ from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.compare import fit_scans
-from drapeline.models.garment4d.data import Seen, ShapedBody
+from drapeline.models.garment4d.data import Seen
 from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.reconstruct import (
     NetworksModel,
@@ -39,6 +39,7 @@ from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.registration.to_template.garment_space import GarmentSpace
+from drapeline.rule_log import LOGGER
 from drapeline.schema import Table
 from drapeline.seeding import rng_for
 
@@ -212,10 +213,9 @@ def _add_offsets(
 
 
 class ScannedGarment(NamedTuple):
-    """A garment reconstructed from scans; metres, root frame."""
+    """A garment reconstructed from scans."""
 
-    canonical: np.ndarray  # (N, 3)
-    final: np.ndarray  # (F, N, 3)
+    made: ReconstructedGarment
     rows: Table  # of the table of metrics
     shown: Reconstruction  # some frames with all steps, for figures
 
@@ -230,40 +230,42 @@ def reconstruct_scans(
         name: of the scans, for errors and pictures.
 
     Raises:
-        InputError: see `ReconstructionModel.reconstruct_steps`.
+        InputError: see `ReconstructionModel.reconstruct_scans`.
     """
-    clouds, body, made = model.reconstruct_steps(scans, name=name, seed=seed)
+    made = model.reconstruct_scans(scans, name=name, seed=seed)
+    seen = model.seen_vertices(made)
+    LOGGER.info(
+        "%s: on average %.0f %% of the %s was seen in a frame, and %.0f %% in none",
+        name,
+        100 * seen.mean(),
+        model.garment,
+        100 * (~seen.any(axis=0)).mean(),
+    )
     some = np.arange(0, len(made.final), -(-len(made.final) // _SHOWN))
     shown = build_reconstruction(
         made._replace(
-            labels=made.labels[some], proposal=made.proposal[some], final=made.final[some]
+            seen=made.seen.frames(some), proposal=made.proposal[some], final=made.final[some]
         ),
         name=name,
         garment=model.garment,
         faces=model.space.faces,
-        points=clouds[some],
-        poses=scans.body.poses[some],
-        body=body,
         number=some,
     )
-    rows = _measure(scans, body, model.garment, made, seed)
-    return ScannedGarment(made.canonical, made.final, rows, shown)
+    return ScannedGarment(made, _measure(scans, model.garment, made, seed), shown)
 
 
-def _measure(
-    scans: ScanSequence,
-    body: ShapedBody,
-    garment: str,
-    made: ReconstructedGarment,
-    seed: int,
-) -> Table:
+def _measure(scans: ScanSequence, garment: str, made: ReconstructedGarment, seed: int) -> Table:
     """Table 5 before and after the garment is laid on the points, against the whole scans."""
-    moving = body_frames(body, scans.body.poses)
+    seen = made.seen
+    moving = body_frames(seen.body, seen.poses)
+    shift = seen.trans - scans.body.trans  # of the root joint, where the body was fitted
+    whole = [
+        (scan.points - away).astype(np.float32)
+        for scan, away in zip(scans.scans, shift, strict=True)
+    ]
     tables = []
     for variant, vertices in {"ours_proposals": made.proposal, "ours": made.final}.items():
-        measures = metrics.sequence_measures(
-            vertices, body=moving, points=[scan.points for scan in scans.scans]
-        )
+        measures = metrics.sequence_measures(vertices, body=moving, points=whole)
         one = Measured(SPLIT, garment, measures)
         tables.append(summarise([one], model=MODEL, variant=variant, split=SPLIT, seed=seed))
     return without_all(join(tables))

@@ -161,35 +161,25 @@ class OurModel(ReconstructionModel):
     def make(self, seen: Seen) -> ReconstructedGarment:
         """See `ReconstructionModel`; a body that is not exact is fitted to the points."""
         started = time.perf_counter()
-        found, shift = self.fit_body(seen)
+        found = self.fit_body(seen)
         made = self.lay(self.guesser.guess(found), found)
-        return made._replace(
-            proposal=made.proposal + shift,
-            final=made.final + shift,
-            seconds=time.perf_counter() - started,
-        )
+        return made._replace(seconds=time.perf_counter() - started)
 
-    def fit_body(self, seen: Seen) -> tuple[Seen, np.ndarray]:
+    def fit_body(self, seen: Seen) -> Seen:
         """A sequence with a body that is fitted to it if it is not exact.
 
         Without labels, it is fitted to all points first, and to skin and cloth as they are then
-        labelled.
-
-        Returns:
-            The sequence relative to its root joint, and the place (3,) float32 of that relative to
-            the one that was given, metres.
+        labelled. Points are relative to the root joint of the body that is returned.
         """
         given = seen.body
         if is_exact(given.model, seen.points, seen.poses, given.shape):
-            return seen, np.zeros(3, dtype=np.float32)
+            return seen
         LOGGER.info("the body is not exact: it is fitted to the points")
         skin = LABELS.index(BODY)
         if seen.labels is not None:
-            found = self._fit_body(seen, seen.taken_for(skin))
-        else:
-            found = self._fit_body(seen, None)
-            found = self._fit_body(found, self.guesser.label_points(found) == skin)
-        return found, (found.trans[0] - seen.trans[0]).astype(np.float32)
+            return self._fit_body(seen, seen.taken_for(skin))
+        found = self._fit_body(seen, None)
+        return self._fit_body(found, self.guesser.label_points(found) == skin)
 
     def _fit_body(self, seen: Seen, skin: np.ndarray | None) -> Seen:
         body, rng = seen.body, rng_for(0, "body of a sequence")
@@ -205,9 +195,9 @@ class OurModel(ReconstructionModel):
     def lay(self, guess: FirstGuess, seen: Seen) -> ReconstructedGarment:
         """The garment from a first guess of it."""
         started = time.perf_counter()
-        laid = self.final_step(guess.canonical, seen._replace(labels=guess.labels), self.refining)
-        seconds = guess.seconds + time.perf_counter() - started
-        return ReconstructedGarment(guess.labels, *laid, seconds)
+        seen = seen._replace(labels=guess.labels)
+        laid = self.final_step(guess.canonical, seen, self.refining)
+        return ReconstructedGarment(seen, *laid, guess.seconds + time.perf_counter() - started)
 
 
 def save_our_model(
