@@ -27,7 +27,7 @@ from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.shared import TRAINING_ERROR
 from drapeline.metrics.table import ALL
-from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENTS
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.registration_table import SUMMARY
 from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
@@ -66,19 +66,19 @@ METRIC_TABLES = {
     "canonical": by_type(
         ("canonical", "pointnet", "regression", "ours", "mean_garment", "pca"),
         ["canonical_error_mm"],
-        TEMPLATE_TYPES,
+        GARMENT4D_TYPES,
     ),
     "labels": by_type(
         ("canonical", "label_by_vertex", "one_label", "ours"),
         ["segmentation_accuracy"],
-        TEMPLATE_TYPES,
+        GARMENT4D_TYPES,
     ),
-    "posed": by_type((*POSED, *ORACLES), ["vertex_error_mm"], TEMPLATE_TYPES),
-    "posed_surface": by_type(POSED, ["predicted_to_true_mm"], TEMPLATE_TYPES),
-    "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], TEMPLATE_TYPES),
-    "velocity": by_type(("still", *POSED), ["velocity_error_m_s"], TEMPLATE_TYPES),
-    "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
-    "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
+    "posed": by_type((*POSED, *ORACLES), ["vertex_error_mm"], GARMENT4D_TYPES),
+    "posed_surface": by_type(POSED, ["predicted_to_true_mm"], GARMENT4D_TYPES),
+    "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], GARMENT4D_TYPES),
+    "velocity": by_type(("still", *POSED), ["velocity_error_m_s"], GARMENT4D_TYPES),
+    "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], GARMENT4D_TYPES),
+    "contact": by_type(("truth", *POSED), ["inside_share"], GARMENT4D_TYPES),
     "by_solver": MetricTable(
         (
             *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_ridge"),
@@ -86,7 +86,7 @@ METRIC_TABLES = {
             *("regression", "canonical", "untrained", "posed", "ours"),
         ),
         ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
-        (*TEMPLATE_TYPES, ALL),
+        (*GARMENT4D_TYPES, ALL),
         down=("metric", "garment", "variant"),
         across="source",
         best=False,

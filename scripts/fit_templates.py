@@ -15,7 +15,8 @@ with rule_log(snakemake.log[0]) as log:
     count = write_tables(
         snakemake.output[0],
         garments_at_rest(given.shard, simulated=params.simulated),
-        {garment: load_template(given[garment]) for garment in params.garments},
+        snakemake.wildcards.garment,
+        load_template(given.template),
         TemplateFitSettings(**params.settings),
     )
     log.info("%d garments", count)

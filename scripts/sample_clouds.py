@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from drapeline.dataset.point_clouds import write_clouds
-from drapeline.dataset.record import read_meta
 from drapeline.dataset.settings import CloudSettings
 from drapeline.dataset.shards import samples_of
 from drapeline.rule_log import rule_log
@@ -16,7 +15,5 @@ with rule_log(snakemake.log[0]) as log:
     settings = CloudSettings(**snakemake.params.settings)
     with atomic_folder(snakemake.output[0]) as folder:
         for sample in samples_of(snakemake.input):
-            worn = {garment["name"] for garment in read_meta(sample)["outfit"]["garments"]}
-            if worn & set(snakemake.params.garments):
-                status = write_clouds(folder / sample.name, sample, settings)
-                log.info("%s is %s", sample.name, status)
+            status = write_clouds(folder / sample.name, sample, settings)
+            log.info("%s is %s", sample.name, status)

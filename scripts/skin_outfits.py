@@ -20,6 +20,5 @@ with rule_log(snakemake.log[0]) as log:
         samples_of(given.samples),
         {gender: load_body(given[gender]) for gender in GENDERS},
         SkinnedSettings(frames=params.frames, step=params.step, clouds=params.clouds),
-        garments=params.garments,
     )
     log.info("%d outfits", count)

@@ -50,7 +50,7 @@ from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
 from drapeline.learning_data.garment_fields import FieldData, collect_fields
 from drapeline.learning_data.moving import load_moving
 from drapeline.learning_data.occlusion import texture_pixels
-from drapeline.learning_data.sequences import SequenceData
+from drapeline.learning_data.sequences import CloudData, SequenceData
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
@@ -122,7 +122,7 @@ from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_rows
 from fuzz.runs import Loader
 from toys.bodies import toy_body
-from toys.garment4d import CANONICAL, LABELLING, POSED, open_toy_data, save_toy_data
+from toys.garment4d import CANONICAL, LABELLING, POSED, open_toy_data, save_toy_data, save_toy_tops
 from toys.garment4d_stages import build_canonical, fit_toy_model
 from toys.gcvae import toy_template
 from toys.gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
@@ -469,7 +469,7 @@ def _make_tables(folder: Path) -> None:
     corner = np.array([[0, 1, 2], [2, 2, 0]], dtype=np.int32)
     share = np.array([[0.25, 0.5, 0.25], [0.5, 0.5, 0.0]], dtype=np.float32)
     arrays = RemeshTable(corner, share)._asdict()
-    save_npz(folder / "Skirt.npz", **{f"s1/{key}": value for key, value in arrays.items()})
+    save_npz(folder / "tables.npz", **{f"s1/{key}": value for key, value in arrays.items()})
 
 
 def _make_moving(folder: Path) -> None:
@@ -542,8 +542,16 @@ def _make_skinned(folder: Path) -> None:
         [stages / "samples" / "00001"],
         bodies(),
         SkinnedSettings(frames=3, step=1, clouds=CloudSettings(points=60)),
-        garments=["Skirt"],
     )
+
+
+def _use_clouds(folder: Path) -> None:
+    data = CloudData(folder / "data")
+    for sequence in range(len(data)):
+        data.rows(sequence)
+    data.windows("train", 3, 1)
+    data.label_share("train")
+    data.arrays()
 
 
 def _use_sequences(folder: Path) -> None:
@@ -935,7 +943,7 @@ def _loaders() -> Iterator[Loader]:
         "registration/00001/Skirt.npz",
     )
     yield Loader("moving", _make_moving, _load_moving, "registration/00001/*")
-    yield Loader("remesh_table", _make_tables, lambda f: load_tables([f], "Skirt"))
+    yield Loader("remesh_table", _make_tables, lambda f: load_tables([f]))
     yield Loader(
         "garment_template",
         lambda f: toy_garment_template().save(f / "t.npz"),
@@ -951,6 +959,7 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("field_shard", _make_field_shard, _collect_fields)
     yield Loader("field_data", lambda f: toy_fields(f, body), _use_fields, "data/*")
     yield Loader("skinned", _make_skinned, lambda f: list(load_skinned(f / "out")), "out/*")
+    yield Loader("cloud_data", lambda f: save_toy_tops(f / "data", body()), _use_clouds, "data/*")
     yield Loader(
         "sequence_data", lambda f: save_toy_data(f / "data", body()), _use_sequences, "data/*"
     )

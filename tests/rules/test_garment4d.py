@@ -88,7 +88,7 @@ def trained(run_rule, folder, bodies, sequences):
     def ours(name):
         if name == "labels":
             params = {"settings": LABELLING, "trainer": {"accelerator": "cpu"}}
-            return "ours.train:train_labels", {"data": [folder / "data"]}, params
+            return "ours.train:train_labels", {"data": folder / "data"}, params
         given = {"data": folder / "data", **bodies, "labels": train("labels")}
         params = {
             "body_points": BODY_POINTS,
@@ -120,7 +120,7 @@ def test_labels_are_trained_for_all_types_and_our_model_is_fitted_with_them(trai
     assert model.final_step.correction is not None
     assert model.final_step.statistics is not None
     assert model.final_step.skinning.plain().items() >= POSED["skinning"].items()
-    assert not model.final_step.simulated
+    assert model.final_step.simulated_error_m is None
 
 
 @pytest.mark.parametrize(("name", "kind"), [("ours", OurModel), ("posed", NetworksModel)])
@@ -261,10 +261,12 @@ def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, wo
     assert found.value == pytest.approx(1000 * away.min(axis=2).mean(), rel=1e-3)
     assert find_value(rows, "ours_proposals", "scans", GARMENT, "inside_share") is not None
     pictures = {"steps": tmp_path / "steps.png", "moving": tmp_path / "moving.png"}
+    pictures["page"] = tmp_path / "page.html"
     run_rule("plot_reconstructed", input=[made["shown"]], output=pictures, params={"rays": 0.02})
     with Image.open(pictures["moving"]) as image:
         assert image.n_frames == len(cloth)
         assert image.info["duration"] == pytest.approx(1000 / 30, abs=1)
+    assert "<html" in pictures["page"].read_text()
 
 
 def test_of_twice_as_many_frames_a_second_half_are_reconstructed(reconstruct, worn):

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import save_body
+from drapeline.dataset.point_clouds import load_clouds
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_meta, solver_name
 from drapeline.dataset.segmented_scans import load_scans
 from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.templates import build_templates
 from drapeline.simulation.settings import SimulationSettings
 from toys.bounds import NO_BOUNDS
@@ -124,17 +126,18 @@ def test_bodies_and_outfits_are_their_own(shard):
     assert np.abs(shapes[0] - shapes[1]).max() > 0.1
 
 
-def test_clouds_are_of_samples_that_wear_what_is_learned(shard, run_rule, tmp_path):
+def test_clouds_are_of_all_samples_whatever_is_worn_in_them(shard, run_rule, tmp_path):
     run_rule(
         "sample_clouds",
         input=[shard],
         output=[tmp_path / "clouds"],
-        params={
-            "garments": ["Skirt"],
-            "settings": {"points": 64, "protocol": "surface", "seed": 0},
-        },
+        params={"settings": {"points": 64, "protocol": "surface", "seed": 0}},
     )
-    assert [path.name for path in (tmp_path / "clouds").iterdir()] == ["L00001"]
+    for plan in PLANS:
+        cloud = load_clouds(tmp_path / "clouds" / plan.sample)
+        assert cloud.points.shape == (plan.frames, 64, 3)
+        worn = {LABELS[label] for label in np.unique(cloud.labels)}
+        assert worn == {"Body", *plan.outfit_type.split("+")}
 
 
 def test_some_of_a_shards_samples_are_scanned(shard, run_rule, tmp_path, baked_bodies):
@@ -181,16 +184,20 @@ def test_garments_are_registered_by_sample(shard, run_rule, tmp_path, baked_bodi
         assert files == set(plan.outfit_type.split("+"))
 
 
-def test_templates_are_fitted_to_all_garments_of_a_shard(shard, run_rule, tmp_path, baked_bodies):
+def test_a_template_is_fitted_to_all_garments_of_its_type_in_a_shard(
+    shard, run_rule, tmp_path, baked_bodies
+):
     from drapeline.registration.to_template.garment_template import make_template
     from drapeline.registration.to_template.remesh import load_tables
 
     forms = {gender: build_templates(body) for gender, body in baked_bodies.items()}
-    make_template("Skirt", forms, baked_bodies, 0.06).save(tmp_path / "Skirt.npz")
-    run_rule(
-        "fit_templates",
-        input={"shard": shard, "Skirt": tmp_path / "Skirt.npz"},
-        output=[tmp_path / "fits"],
-        params={"garments": ["Skirt"], "simulated": True, "settings": {"iterations": 1}},
-    )
-    assert list(load_tables([tmp_path / "fits"], "Skirt")) == ["L00001"]
+    for garment, sample in (("Skirt", "L00001"), ("Top", "L00002")):
+        make_template(garment, forms, baked_bodies, 0.06).save(tmp_path / f"{garment}.npz")
+        run_rule(
+            "fit_templates",
+            input={"shard": shard, "template": tmp_path / f"{garment}.npz"},
+            output=[tmp_path / "fits" / garment],
+            params={"simulated": True, "settings": {"iterations": 1}},
+            wildcards={"garment": garment},
+        )
+        assert list(load_tables([tmp_path / "fits" / garment])) == [sample]

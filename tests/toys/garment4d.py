@@ -1,5 +1,6 @@
 """Skirts on the toy body in motion, as the stages of Garment4D before training leave them."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,13 @@ from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.learning_data.sequences import GarmentSequence, SequenceData, collect_sequences
+from drapeline.learning_data.sequences import (
+    GarmentSequence,
+    SeenSequence,
+    SequenceData,
+    collect_clouds,
+    collect_sequences,
+)
 from drapeline.models.garment4d.data import BodySequences, BodySet
 from drapeline.models.garment4d.ours.body_maps import MapRegression
 from drapeline.outfits.garment_types import LABELS
@@ -86,6 +93,23 @@ def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
     """What the task `collect_data` leaves."""
     sequences = toy_sequences(body)
     collect_sequences(folder, GARMENT, sequences, skirt_faces(), 3, toy_bodies(body))
+    return sequences
+
+
+def without_skirt(sequence: GarmentSequence, name: str) -> SeenSequence:
+    """The same person, whose points on the skirt are those of a top and trousers."""
+    seen = {field.name: getattr(sequence, field.name) for field in fields(SeenSequence)}
+    top, trousers = (LABELS.index(garment) for garment in ("Top", "Trousers"))
+    worn = np.where(sequence.points[..., 2] > -0.2, top, trousers)
+    labels = np.where(sequence.labels > 0, worn, 0)
+    return SeenSequence(**{**seen, "name": name, "labels": labels})
+
+
+def save_toy_tops(folder: Path, body: BodyModel) -> list[SeenSequence]:
+    """What the task `labelled` leaves: clouds of the toy skirts, and of one who wears none."""
+    other = toy_sequence(body, 20, frames=5, source="blender", split="train")
+    sequences = [*toy_sequences(body), without_skirt(other, "00020")]
+    collect_clouds(folder, sequences, toy_bodies(body))
     return sequences
 
 

@@ -1,6 +1,6 @@
 """Short trainings of Garment4D on toy skirts, and batches of what they are trained on."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -63,10 +63,10 @@ def train_toys(
 def train_toy_labels(
     folder: Path,
     name: str,
-    data: Sequence[Path],
+    data: Path,
     values: Mapping[str, Mapping[str, Any]] = LABELLING,
 ) -> Path:
-    """Train the labels of our model on folders of sequences; the folder `name` that it leaves."""
+    """Train the labels of our model on a folder of clouds; the folder `name` that it leaves."""
     params = SimpleNamespace(settings=values, trainer={"accelerator": "cpu"})
     progress = str(folder / ".progress" / name)
     train_labels(Job(SimpleNamespace(data=data), [folder / name], params, THREADS, "c", progress))

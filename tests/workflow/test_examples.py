@@ -75,7 +75,7 @@ def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     moving = files_of("config.yaml").moving
     assert planned["simulate_outfits"] == sum(len(group.shards) for group in moving)
     assert planned["reconstruct_garment"] == 1
-    assert planned["train"] == 2  # the canonical stage and the posed one
+    assert planned["train"] == 2  # labels, and our model
 
 
 def test_pictures_are_fitted_by_models_of_the_default_experiment(jobs):

@@ -217,6 +217,7 @@ from drapeline.experiment.plan import Wardrobe, plan_at_rest
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
+from drapeline.registration.to_template.garment_template import make_template
 from drapeline.report.colours import garment_colour
 from drapeline.seeding import rng_for
 from toys.bodies import toy_body
@@ -230,8 +231,10 @@ wanted = {
 types = fill_settings(wanted, schema, "toy.yaml")["outfits"]["types"]
 (plan,) = plan_at_rest(1, "", {"val": 0.0, "test": 0.0}, Wardrobe(0.0, types, False))
 body = toy_body()
+forms = build_templates(body)
+template = make_template("Overalls", {"female": forms}, {"female": body}, 0.035)
 outfit = sample_outfit(
-    rng_for(1), build_templates(body), body,
+    rng_for(1), forms, body,
     gender=plan.gender, shape=np.zeros(10), outfit_type=plan.outfit_type, edge_length_m=0.03,
 )
 (garment,) = outfit.garments
@@ -244,6 +247,7 @@ json.dump(
         "index": index,
         "topology": TOPOLOGIES[topology_codes(np.array([index]))[0]],
         "removable": plan.removable,
+        "openings": sorted(set(template.loop.tolist())),
         "colour": garment_colour(garment.name),
     },
     sys.stdout,
@@ -252,11 +256,15 @@ json.dump(
 
 
 def add_toy_garment_type(project):
-    """A row in the table, an outfit, its words in the config, and a colour."""
+    """A row in the table, an outfit, its openings, its words in the config, and a colour."""
     table = "}\nGARMENTS = tuple(GARMENT_TYPES)\n"
     types = project / "src/drapeline/outfits/garment_types.py"
     replace(types, table, TOY_TYPE.removeprefix("\n"))
     replace(types, '"Dress", "Jumpsuit")', '"Dress", "Jumpsuit", "Overalls")')
+    openings = project / "src/drapeline/registration/to_template/garment_template.py"
+    last = '    "Jacket": ('
+    own = '    "Overalls": ("neck", "left_cuff", "right_cuff", "left_leg", "right_leg"),\n'
+    replace(openings, last, own + last)
     write_schema(project)
     colours = project / "src/drapeline/report/colours.py"
     replace(colours, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
@@ -561,6 +569,7 @@ def test_a_row_of_the_table_makes_a_garment_type(tmp_path):
     assert made["held"] > 0
     assert (made["index"], made["topology"]) == (len(GARMENTS), "body")
     assert made["removable"] == "forearms"
+    assert made["openings"] == [-1, 0, 1, 2, 3, 4]  # its template, and within the cloth
     assert len(made["colour"]) == 3
 
 

@@ -16,6 +16,7 @@ import yaml
 from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS
 from drapeline.experiment.source_digest import Sources
 from drapeline.models.registry import models
+from drapeline.outfits.garment_types import GARMENTS
 from toys.plans import files_of, tasks_of
 from toys.snakemake_run import ROOT, copy_project, snakemake
 
@@ -42,8 +43,8 @@ TASKS = {
 # Whose garments hang, or are simulated.
 SIMULATED = {
     *("smplicit/evaluated/images", "smplicit/evaluated/scans", "gcvae/evaluated/dynamic_floor"),
-    *("garment4d/Skirt/ours", "garment4d/evaluated/Skirt", "garment4d/evaluated/Skirt_ablations"),
-    "garment4d/evaluated/scans",
+    *(f"garment4d/{garment}/ours" for garment in GARMENTS),
+    *(f"garment4d/evaluated/{name}" for name in ("Skirt", "Skirt_ablations", "floor", "scans")),
     *(f"smplicit/pose_smplicit_{name}" for name in ("upper", "trousers", "skirt", "whole")),
 }
 EVALUATED = {name for name in TASKS if name.startswith("gcvae/evaluated/")}

@@ -6,7 +6,7 @@ rule make_garment_template:
         unpack(own_template),
         **DRESS_FORMS,
     output:
-        f"{GARMENT4D.folder}/{{garment}}/template.npz",
+        GARMENT4D.template("{garment}"),
     log:
         f"{LOGS}/make_garment_template/{{garment}}.log",
     benchmark:
@@ -27,23 +27,22 @@ rule make_garment_template:
 
 rule fit_templates:
     input:
-        **GARMENT4D.templates,
+        template=GARMENT4D.template("{garment}"),
         shard=shard_garments,
     output:
-        directory(GARMENT4D.fits),
+        directory(GARMENT4D.fits("{garment}")),
     log:
-        f"{LOGS}/fit_templates/{{group}}_{{shard}}.log",
+        f"{LOGS}/fit_templates/{{garment}}_{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/fit_templates/{{group}}_{{shard}}.tsv"
+        f"{BENCHMARKS}/fit_templates/{{garment}}_{{group}}_{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=shard_minutes(0.35),
+        runtime=shard_minutes(0.15),
     params:
-        garments=GARMENT4D.garments,
         simulated=is_simulated,
         settings=lookup(dpath="garment4d/registration", within=config),
         code=source_hash("fit_templates"),
@@ -68,7 +67,6 @@ rule sample_clouds:
         mem_mb=1500,
         runtime=shard_minutes(0.75),
     params:
-        garments=GARMENT4D.garments,
         settings=cloud_settings,
         code=source_hash("sample_clouds"),
     script:
@@ -95,7 +93,6 @@ rule skin_outfits:
         mem_mb=2000,
         runtime=shard_minutes(0.2),
     params:
-        garments=GARMENT4D.garments,
         frames=lookup(dpath="garment4d/skinned/frames", within=config),
         step=lookup(dpath="garment4d/skinned/step", within=config),
         clouds=cloud_settings,

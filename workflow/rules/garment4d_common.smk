@@ -1,5 +1,6 @@
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.models.garment4d.plan import PROTOCOLS, Garment4dFiles
+from drapeline.outfits.garment_types import GARMENTS
 
 GARMENT4D = Garment4dFiles(FILES.learned_by("garment4d"))
 RECONSTRUCT = config["garment4d"]["reconstruct"]
@@ -7,7 +8,7 @@ RECONSTRUCT = config["garment4d"]["reconstruct"]
 
 wildcard_constraints:
     protocol="|".join(PROTOCOLS),
-    garment="|".join(GARMENT4D.garments),
+    garment="|".join(GARMENTS),
 
 
 def own_template(wildcards):
@@ -38,11 +39,6 @@ def is_simulated(wildcards):
 
 def own_scans(wildcards):
     """The scans to reconstruct a garment from, and the body in them."""
-    if RECONSTRUCT["garment"] not in GARMENT4D.garments:
-        raise WorkflowError(
-            f"garment4d.reconstruct.garment is '{RECONSTRUCT['garment']}', expected one of"
-            f" garment4d.garments: {', '.join(GARMENT4D.garments)}"
-        )
     missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
     if missing:
         raise WorkflowError(

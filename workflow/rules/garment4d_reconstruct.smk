@@ -37,6 +37,7 @@ rule plot_reconstructed:
     output:
         steps=f"{RECONSTRUCTED}_steps.png",
         moving=f"{RECONSTRUCTED}_moving.png",
+        page=f"{RECONSTRUCTED}.html",
     log:
         f"{LOGS}/plot_reconstructed/{RECONSTRUCT['garment']}.log",
     benchmark:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
+from scipy.spatial import ConvexHull
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
@@ -33,6 +34,7 @@ _RIGS: dict[str, tuple[tuple[float, int], ...]] = {
 _CAMERA_DISTANCE_M = 3.0  # from the root joint
 _LIFT_M = 0.0005  # rays start this far in front of their own surface
 _COVER_M = 0.02  # a point with another surface this close in front of it counts as covered
+_FLIP = 100.0  # radius of the sphere that points are flipped at, in distances of the farthest one
 _HOLE = 0.05  # share of the points that a single hole removes
 _CHUNK = 32  # frames held in memory at once
 # Frames after which the tree for ray casting is rebuilt. Boxes that follow a dancer grow: rays took
@@ -295,6 +297,24 @@ def cut_holes(
     left = _remaining_after_holes(points, min(round(share * count), count - 1), rng)
     chosen = rng.permutation(np.resize(rng.permutation(left), count))
     return points[chosen], labels[chosen]
+
+
+def find_seen(cameras: np.ndarray, cloud: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(P,) indices of the points of a cloud (P, 3) that cameras (C, 3) see, repeated to as many.
+
+    Points that are hidden behind others are found by flipping the cloud at a sphere around each
+    camera: what is seen is on its convex hull (Katz, Tal and Basri, Direct Visibility of Point
+    Sets, 2007).
+    """
+    found = []
+    for camera in cameras:
+        rays = cloud.astype(np.float64) - camera
+        away = np.linalg.norm(rays, axis=1, keepdims=True)
+        flipped = rays + 2 * (_FLIP * away.max() - away) * rays / away
+        hull = ConvexHull(np.concatenate([flipped, np.zeros((1, 3))])).vertices
+        found.append(hull[hull < len(cloud)])
+    left = np.unique(np.concatenate(found))
+    return rng.permutation(np.resize(rng.permutation(left), len(cloud)))
 
 
 def corrupt_labels(

@@ -1,8 +1,10 @@
 """Sources of sequences: simulated samples, and static outfits that were put into motion."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +16,14 @@ from drapeline.dataset.shards import samples_named, samples_of
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.job import Job
-from drapeline.learning_data.sequences import SKINNED, GarmentSequence, collect_sequences
-from drapeline.learning_data.skinned import load_skinned
+from drapeline.learning_data.sequences import (
+    SKINNED,
+    GarmentSequence,
+    SeenSequence,
+    collect_clouds,
+    collect_sequences,
+)
+from drapeline.learning_data.skinned import SkinnedSequence, load_skinned
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.remesh import RemeshTable, load_tables, remesh
@@ -23,31 +31,26 @@ from drapeline.rule_log import LOGGER
 
 
 def simulated_sequences(
-    garment: str,
-    samples: Iterable[str | Path],
-    clouds: Iterable[str | Path],
-    tables: Mapping[str, RemeshTable],
-) -> list[GarmentSequence]:
-    """A type's garments among accepted simulated samples.
+    samples: Iterable[str | Path], clouds: Iterable[str | Path]
+) -> Iterator[tuple[Sample, SeenSequence]]:
+    """Accepted simulated samples.
 
     Args:
         samples: folders as `write_sample` leaves them.
         clouds: folders of the same samples as `write_clouds` leaves them.
-        tables: sample's id -> where the template lies on its garment.
 
     Raises:
-        InputError: a file is unusable, or a garment has no table.
+        InputError: a file is unusable.
     """
-    sequences = []
     for folder, clouds_folder in zip(samples, clouds, strict=True):
         cloud = load_clouds(clouds_folder)
-        if not cloud.accepted or garment not in cloud.about["garments"]:
+        if not cloud.accepted:
             continue
         sample = Sample(folder)
-        table, mesh, info = _table(tables, sample.id, garment), sample.mesh(garment), sample.info
-        meta = sample.meta or {}
-        sequences.append(
-            GarmentSequence(
+        info, meta = sample.info, sample.meta or {}
+        yield (
+            sample,
+            SeenSequence(
                 name=sample.id,
                 source=solver_name(meta),
                 split=cloud.about["split"],
@@ -59,12 +62,65 @@ def simulated_sequences(
                 number=np.arange(sample.frame_count),
                 points=cloud.points,
                 labels=cloud.labels,
+            ),
+        )
+
+
+def skinned_sequences(
+    folders: Iterable[str | Path],
+) -> Iterator[tuple[SkinnedSequence, SeenSequence]]:
+    """Static outfits put into motion.
+
+    Args:
+        folders: as `write_skinned` leaves them.
+
+    Raises:
+        InputError: a file is unusable.
+    """
+    for one in chain.from_iterable(map(load_skinned, folders)):
+        yield (
+            one,
+            SeenSequence(
+                name=one.name,
+                source=SKINNED,
+                split=one.split,
+                clip=one.sample,
+                gender=one.gender,
+                shape=one.shape,
+                poses=one.poses,
+                # Nothing but its pose is known to skinning.
+                trans=np.zeros((len(one.poses), 3)),
+                number=one.number,
+                points=one.points,
+                labels=one.labels,
+            ),
+        )
+
+
+def garments_in_samples(
+    garment: str,
+    samples: Iterable[str | Path],
+    clouds: Iterable[str | Path],
+    tables: Mapping[str, RemeshTable],
+) -> Iterator[GarmentSequence]:
+    """A type's garments among accepted simulated samples.
+
+    Args:
+        samples, clouds: see `simulated_sequences`.
+        tables: sample's id -> where the template lies on its garment.
+
+    Raises:
+        InputError: a file is unusable, or a garment has no table.
+    """
+    for sample, seen in simulated_sequences(samples, clouds):
+        if garment in sample.garments:
+            table, mesh = _table(tables, sample.id, garment), sample.mesh(garment)
+            yield GarmentSequence(
+                **vars(seen),
                 canonical=remesh(mesh.vertices, table),
                 original=Mesh(mesh.vertices, mesh.triangles),
                 garment=partial(_posed_sample, sample, garment, table),
             )
-        )
-    return sequences
 
 
 def _posed_sample(sample: Sample, garment: str, table: RemeshTable) -> np.ndarray:
@@ -72,12 +128,12 @@ def _posed_sample(sample: Sample, garment: str, table: RemeshTable) -> np.ndarra
         return remesh(sample.vertices(garment, frame="root"), table)
 
 
-def skinned_sequences(
+def garments_skinned(
     garment: str,
     folders: Iterable[str | Path],
     shards: Iterable[str | Path],
     tables: Mapping[str, RemeshTable],
-) -> list[GarmentSequence]:
+) -> Iterator[GarmentSequence]:
     """A type's garments among static outfits put into motion.
 
     Args:
@@ -88,7 +144,6 @@ def skinned_sequences(
     Raises:
         InputError: a file is unusable, or a garment has no table.
     """
-    sequences = []
     for folder, shard in zip(folders, shards, strict=True):
         rest = {
             static.name: worn
@@ -96,30 +151,15 @@ def skinned_sequences(
             for worn in static.outfit.garments
             if worn.name == garment
         }
-        for one in load_skinned(folder):
-            if garment not in one.garments:
-                continue
-            table, worn = _table(tables, one.name, garment), rest[one.name]
-            sequences.append(
-                GarmentSequence(
-                    name=one.name,
-                    source=SKINNED,
-                    split=one.split,
-                    clip=one.sample,
-                    gender=one.gender,
-                    shape=one.shape,
-                    poses=one.poses,
-                    # Nothing but its pose is known to skinning.
-                    trans=np.zeros((len(one.poses), 3)),
-                    number=one.number,
-                    points=one.points,
-                    labels=one.labels,
+        for one, seen in skinned_sequences([folder]):
+            if garment in one.garments:
+                table, worn = _table(tables, one.name, garment), rest[one.name]
+                yield GarmentSequence(
+                    **vars(seen),
                     canonical=remesh(worn.vertices, table),
                     original=Mesh(worn.vertices, triangulate(worn.faces)),
                     garment=partial(remesh, one.garments[garment], table),
                 )
-            )
-    return sequences
 
 
 def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> RemeshTable:
@@ -131,17 +171,31 @@ def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> Remesh
 def collect(job: Job) -> None:
     """Sequences of a garment type, and its space of shapes at rest."""
     given, params = job.input, job.params
-    tables, clouds = load_tables(given.fits, params.garment), samples_of(given.clouds)
-    samples = samples_named(given.samples, [path.name for path in clouds])
+    tables = load_tables(given.fits)
     frames = collect_sequences(
         job.output[0],
         params.garment,
         [
-            *simulated_sequences(params.garment, samples, clouds, tables),
-            *skinned_sequences(params.garment, given.skinned, given.outfits, tables),
+            *garments_in_samples(params.garment, *_samples_and_clouds(given), tables),
+            *garments_skinned(params.garment, given.skinned, given.outfits, tables),
         ],
         load_template(given.template).faces,
         params.components,
         load_bodies(given),
     )
     LOGGER.info("%d frames", frames)
+
+
+def collect_all(job: Job) -> None:
+    """Clouds of all sequences, whatever is worn in them."""
+    given = job.input
+    seen = [
+        *(one for _, one in simulated_sequences(*_samples_and_clouds(given))),
+        *(one for _, one in skinned_sequences(given.skinned)),
+    ]
+    LOGGER.info("%d frames", collect_clouds(job.output[0], seen, load_bodies(given)))
+
+
+def _samples_and_clouds(given: Any) -> tuple[list[Path], list[Path]]:
+    clouds = samples_of(given.clouds)
+    return samples_named(given.samples, [path.name for path in clouds]), clouds

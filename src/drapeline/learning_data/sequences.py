@@ -1,15 +1,17 @@
-"""Garments through sequences: those of one type, collected into arrays that are memory-mapped.
+"""Clouds through sequences, and garments of one type in them, as arrays that are memory-mapped.
 
 All coordinates are metres relative to the root joint, Z up. Motions have 30 frames per second; a
-simulated sequence has all of its frames, a skinned one a few of them. F frames of all sequences, S
-sequences, P points of a cloud, N vertices of the template, T frames of a window, D components of
-the garment space.
+simulated sequence has all of its frames, a skinned one a few of them. Every sequence has its clouds
+twice: as they are, and worse, as scans of real people are. F frames of all sequences, S sequences,
+P points of a cloud, N vertices of the template, T frames of a window, D components of the garment
+space.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS, gender_names
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.learning_data.worse_inputs import worse_body, worse_clouds
 from drapeline.outfits.garment_types import GARMENTS, LABELS
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
@@ -35,33 +38,32 @@ from drapeline.storage import (
 
 # What a sequence is: simulated cloth, or a garment at rest that skinning moves.
 SIMULATED, SKINNED = KINDS = ("simulated", "skinned")
-_PER_SEQUENCE = {
+_OF_CLOUDS = {
+    "points": "float f p 3",
+    "labels": "int f p",
+    "on_body": "float f p 4",
+    "worse_points": "float f p 3",
+    "worse_labels": "int f p",
+    "on_worse_body": "float f p 4",
+}
+_OF_SEQUENCES = {
     **dict.fromkeys(("name", "source", "split", "clip"), "str s"),
     **dict.fromkeys(("start", "count"), "int s"),
+}
+_OF_GARMENTS = {
     "shape": "float s 10",
     "gender": f"int<{len(GENDERS)} s",
     "canonical": "float s n 3",
     "coefficients": "float s d",
 }
-_ARRAYS = {
-    "points": "float f p 3",
-    "labels": "int f p",
-    "garment": "float f n 3",
-    "on_body": "float f p 4",
-    "on_inexact_body": "float f p 4",
-}
-# Bodies are inexact by a share of these, drawn for each sequence: standard deviations of pose
-# parameters in rad, shape coefficients, and the position of the root joint in metres. It is what a
-# fit to points without labels leaves of twice as much.
-_POSE_NOISE_RAD, _SHAPE_NOISE, _ROOT_NOISE_M = 0.04, 0.4, 0.01
 
 
 @dataclass(frozen=True)
-class GarmentSequence:
-    """A garment through one sequence, before it is collected."""
+class SeenSequence:
+    """Somebody through one sequence, before it is collected."""
 
-    name: str  # of the sequence; no other of the same type has it
-    source: str  # the cloth solver that moved the garment, or `SKINNED` where skinning weights did
+    name: str  # of the sequence; no other has it
+    source: str  # the cloth solver that moved the garments, or `SKINNED` where weights did
     split: str  # "train", "val" or "test"
     clip: str  # that it moves through; of a skinned one, the sample whose motion it has
     gender: str  # "female" or "male"
@@ -72,10 +74,39 @@ class GarmentSequence:
     number: np.ndarray
     points: np.ndarray  # (T, P, 3) clouds
     labels: np.ndarray  # (T, P) codes of `LABELS`
+
+
+@dataclass(frozen=True)
+class GarmentSequence(SeenSequence):
+    """The same with a garment."""
+
     canonical: np.ndarray  # (N, 3) the garment in the rest pose, in template topology
     original: Mesh  # the same before registration, triangles
     # Gives (T, N, 3), the posed garment in template topology, when it is needed.
     garment: Callable[[], np.ndarray]
+
+
+def collect_clouds(
+    output: str | Path, sequences: Sequence[SeenSequence], bodies: Mapping[str, BodyModel]
+) -> int:
+    """Write the clouds of all sequences as arrays.
+
+    Args:
+        output: folder, replaced as a whole.
+        bodies: whole, by gender.
+
+    Returns:
+        Number of frames written.
+
+    Raises:
+        InputError: two sequences have one name, or one does not fit the others.
+    """
+    output = Path(output)
+    _check(output, sequences, ("points",))
+    with atomic_folder(output) as scratch:
+        _write_frames(scratch, sequences, bodies, output)
+        _write_table(scratch, sequences)
+    return sum(len(one.poses) for one in sequences)
 
 
 def collect_sequences(
@@ -92,8 +123,7 @@ def collect_sequences(
         output: folder, replaced as a whole.
         faces: (F, 3) of the type's template.
         components: D of the space; fewer where there are few garments.
-        bodies: whole, by gender, which points are told a place on: once as they are, and once off
-            by noise on pose, shape and root, the same in all frames of a sequence.
+        bodies: whole, by gender.
 
     Returns:
         Number of frames written.
@@ -103,13 +133,13 @@ def collect_sequences(
             one does not fit the others.
     """
     output = Path(output)
-    _check(output, sequences)
+    _check(output, sequences, ("points", "canonical"))
     canonical = np.stack([one.canonical for one in sequences]).astype(np.float32)
     trained = np.array([one.split == "train" for one in sequences])
     space = fit_space(canonical[trained], components, faces)
-    counts = np.array([len(one.poses) for one in sequences])
+    counts = [len(one.poses) for one in sequences]
     with atomic_folder(output) as scratch:
-        _write_clouds_and_garments(scratch, sequences, bodies, output)
+        _write_frames(scratch, sequences, bodies, output)
         save_npz(
             scratch / "frames.npz",
             poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
@@ -117,17 +147,12 @@ def collect_sequences(
             sequence=np.repeat(np.arange(len(sequences)), counts),
             number=np.concatenate([one.number for one in sequences]),
         )
-        save_npz(
-            scratch / "sequences.npz",
-            start=np.cumsum(counts) - counts,
-            count=counts,
+        _write_table(
+            scratch,
+            sequences,
             canonical=canonical,
             coefficients=space.coefficients(canonical),
             shape=np.stack([one.shape for one in sequences]).astype(np.float32),
-            **{
-                key: np.array([getattr(one, key) for one in sequences])
-                for key in ("name", "source", "split", "clip")
-            },
             gender=np.array([GENDERS.index(one.gender) for one in sequences]),
         )
         save_npz(
@@ -141,40 +166,64 @@ def collect_sequences(
         )
         space.save(scratch / "space.npz")
         write_json(scratch / "about.json", {"garment": garment})
-    return int(counts.sum())
+    return sum(counts)
 
 
-def _write_clouds_and_garments(
+def _write_table(folder: Path, sequences: Sequence[SeenSequence], **of_garments: Any) -> None:
+    counts = np.array([len(one.poses) for one in sequences])
+    save_npz(
+        folder / "sequences.npz",
+        start=np.cumsum(counts) - counts,
+        count=counts,
+        **{
+            key: np.array([getattr(one, key) for one in sequences])
+            for key in ("name", "source", "split", "clip")
+        },
+        **of_garments,
+    )
+
+
+def _write_frames(
     folder: Path,
-    sequences: Sequence[GarmentSequence],
+    sequences: Sequence[SeenSequence],
     bodies: Mapping[str, BodyModel],
     output: Path,
 ) -> None:
     """Write the arrays with a row per frame, one sequence at a time; `output` is for errors."""
     first, total = sequences[0], sum(len(one.poses) for one in sequences)
-    layouts = {
-        "points": (np.float32, (total, *first.points.shape[1:])),
-        "labels": (np.uint8, (total, *first.labels.shape[1:])),
-        "garment": (np.float32, (total, *first.canonical.shape)),
+    cloud = (total, first.points.shape[1])
+    layouts: dict[str, Any] = {
+        **dict.fromkeys(("points", "worse_points"), (np.float32, (*cloud, 3))),
+        **dict.fromkeys(("labels", "worse_labels"), (np.uint8, cloud)),
         # Computing these takes longer than an epoch of training.
-        "on_body": (np.float32, (total, first.points.shape[1], 4)),
-        "on_inexact_body": (np.float32, (total, first.points.shape[1], 4)),
+        **dict.fromkeys(("on_body", "on_worse_body"), (np.float32, (*cloud, 4))),
     }
+    if isinstance(first, GarmentSequence):
+        layouts["garment"] = np.float32, (total, *first.canonical.shape)
     files = ArrayFiles(folder, layouts)
     for one in progress(sequences, label="sequences"):
-        garment = one.garment()
-        _refuse_unfinite(output, one, garment)
+        garment = {"garment": one.garment()} if isinstance(one, GarmentSequence) else {}
+        _refuse_unfinite(output, one, one.points, *garment.values())
+        body, rng = bodies[one.gender], rng_for(0, "worse inputs", one.name)
+        # Bodies are as rounded in the files.
+        shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
+        points, labels = worse_clouds(one.points, one.labels, rng)
         files.append(
             points=one.points,
             labels=one.labels,
-            garment=garment,
-            on_body=_on_body(one, bodies[one.gender]),
-            on_inexact_body=_on_body(one, bodies[one.gender], inexact=True),
+            on_body=body_relative_points(body, shape, poses, one.points)[..., 3:],
+            worse_points=points,
+            worse_labels=labels,
+            on_worse_body=body_relative_points(body, *worse_body(shape, poses, points, rng))[
+                ..., 3:
+            ],
+            **garment,
         )
     files.flush()
 
 
-def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
+def _check(output: Path, sequences: Sequence[SeenSequence], same: Sequence[str]) -> None:
+    """Refuse two sequences of one name, and arrays of other than the `same` number of rows."""
     if not sequences:
         raise InputError(f"{output}: no sequences, expected one or more")
     first, names = sequences[0], set()
@@ -182,7 +231,7 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
         if one.name in names:
             raise InputError(f"{output}: two sequences are named {one.name}, expected one")
         names.add(one.name)
-        for key in ("points", "canonical"):
+        for key in same:
             rows, expected = (getattr(x, key).shape[-2] for x in (one, first))
             if rows != expected:
                 raise InputError(
@@ -191,91 +240,77 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
                 )
 
 
-def _on_body(one: GarmentSequence, body: BodyModel, *, inexact: bool = False) -> np.ndarray:
-    """(T, P, 4) what `body_relative_points` adds, for the body as rounded in the files."""
-    shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-    points = one.points
-    if inexact:
-        rng = rng_for(0, "inexact body", one.name)
-        share = rng.random()
-        poses = poses + rng.normal(0, share * _POSE_NOISE_RAD, poses.shape[1])
-        shape = shape + rng.normal(0, share * _SHAPE_NOISE, len(shape))
-        points = points + rng.normal(0, share * _ROOT_NOISE_M, 3)
-    return body_relative_points(body, shape, poses, points)[..., 3:]
+def _refuse_unfinite(output: Path, one: SeenSequence, *arrays: np.ndarray) -> None:
+    for array in arrays:
+        finite = np.isfinite(array).all(axis=(1, 2))
+        if not finite.all():
+            raise InputError(
+                f"{output}: sequence {one.name} holds NaN or infinity in frame"
+                f" {int(one.number[np.argmin(finite)])}, expected metres"
+            )
 
 
-def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
-    finite = np.isfinite(posed).all(axis=(1, 2)) & np.isfinite(one.points).all(axis=(1, 2))
-    if not finite.all():
-        raise InputError(
-            f"{output}: sequence {one.name} holds NaN or infinity in frame"
-            f" {int(one.number[np.argmin(finite)])}, expected metres"
-        )
-
-
-class SequenceData:
-    """All sequences of a garment type, as `collect_sequences` wrote them.
+class CloudData:
+    """Clouds of sequences, as `collect_clouds` wrote them.
 
     Args:
         folder: that it wrote.
 
     Attributes:
-        label: its code in `LABELS`.
-        points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
-        on_body, on_inexact_body: (F, P, 4) places of points on the body and on one that is off, the
-            last columns of `body_relative_points`, memory-mapped.
-        poses, trans: (F, 72) and (F, 3) of the root joint in the world.
-        number: (F,) of the frames in the motion.
+        points, labels: (F, P, 3) and (F, P), memory-mapped.
+        on_body: (F, P, 4) places of points on the body, the last columns of
+            `body_relative_points`, memory-mapped.
+        worse_points, worse_labels: of the worse clouds, see `worse_clouds`, memory-mapped.
+        on_worse_body: (F, P, 4) of those on a body that is off, see `worse_body`, memory-mapped.
         name, source, split, clip, start, count: (S,) of the sequences; start is their first row.
-        shape, gender: (S, 10) and (S,) "female" or "male".
-        canonical, coefficients: (S, N, 3), (S, D).
 
     Raises:
         InputError: a file is missing, lacks an array, or the arrays do not agree in length.
     """
 
-    def __init__(self, folder: str | Path) -> None:
-        folder = Path(folder)
-        self.garment_type = read_json(folder / "about.json", {"garment": GARMENTS})["garment"]
-        self.label = LABELS.index(self.garment_type)
-        self.space = load_space(folder / "space.npz")
-        arrays = open_arrays(folder, _ARRAYS, n=len(self.space.mean))
-        self.points, self.labels, self.garment = (
-            arrays[key] for key in ("points", "labels", "garment")
-        )
-        self.on_body, self.on_inexact_body = arrays["on_body"], arrays["on_inexact_body"]
-        frames = load_npz(
-            folder / "frames.npz",
-            {"poses": "float f 72", "trans": "float f 3", "sequence": "int f", "number": "int f"},
-        )
-        self.poses, self.trans, self.number = (frames[key] for key in ("poses", "trans", "number"))
-        components, vertices, _ = self.space.components.shape
-        table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
-        self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
-        self.clip = table["clip"]
-        self.start, self.count = table["start"], table["count"]
-        self.shape, self.gender = table["shape"], gender_names(table["gender"])
-        self.canonical, self.coefficients = table["canonical"], table["coefficients"]
+    points: np.ndarray
+    labels: np.ndarray
+    on_body: np.ndarray
+    worse_points: np.ndarray
+    worse_labels: np.ndarray
+    on_worse_body: np.ndarray
+    name: np.ndarray
+    source: np.ndarray
+    split: np.ndarray
+    clip: np.ndarray
+    start: np.ndarray
+    count: np.ndarray
+
+    _of_frames: ClassVar[Mapping[str, str]] = _OF_CLOUDS
+    _of_sequences: ClassVar[Mapping[str, str]] = _OF_SEQUENCES
+
+    def __init__(self, folder: str | Path, **lengths: int) -> None:
+        self._folder = Path(folder)
+        arrays = open_arrays(self._folder, self._of_frames, **lengths)
+        table = load_npz(self._folder / "sequences.npz", self._of_sequences, unread=(), **lengths)
+        for key, value in (arrays | table).items():
+            setattr(self, key, value)
         if not np.array_equal(self.start, np.cumsum(self.count) - self.count):
             raise InputError(
-                f"{folder / 'sequences.npz'}: starts of sequences do not follow from their counts"
+                f"{self._folder / 'sequences.npz'}: starts of sequences do not follow from their"
+                " counts"
             )
-        lengths = {len(x) for x in (self.points, self.labels, self.garment, self.poses)}
+        self._require_frames(*arrays.values())
+
+    def _require_frames(self, *arrays: np.ndarray) -> None:
+        lengths = {len(array) for array in arrays}
         if lengths != {int(self.count.sum())}:
             raise InputError(
-                f"{folder}: arrays of {', '.join(map(str, sorted(lengths)))} frames, expected"
+                f"{self._folder}: arrays of {', '.join(map(str, sorted(lengths)))} frames, expected"
                 f" {int(self.count.sum())} as in sequences.npz"
             )
-        self._folder = folder
 
     def __len__(self) -> int:
         return len(self.name)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Every array by name, for a digest of the data."""
-        keys = (*_ARRAYS, "poses", "trans", "number", *_PER_SEQUENCE)
-        own = {key: getattr(self, key) for key in keys}
-        return own | {f"space/{key}": value for key, value in vars(self.space).items()}
+        return {key: getattr(self, key) for key in (*self._of_frames, *self._of_sequences)}
 
     def rows(self, sequence: int) -> slice:
         """Frames of a sequence."""
@@ -286,15 +321,6 @@ class SequenceData:
         """Sequences of a split that are of some `KINDS`."""
         kind = np.where(self.source == SKINNED, SKINNED, SIMULATED)
         return np.flatnonzero((self.split == split) & np.isin(kind, kinds))
-
-    @cached_property
-    def originals(self) -> dict[str, Mesh]:
-        """Name of a sequence -> canonical garment before registration; none for training."""
-        arrays = load_npz(
-            self._folder / "originals.npz", {"*/vertices": "float * 3", "*/faces": "int * 3"}
-        )
-        names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
-        return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
 
     def windows(
         self, split: str, frames: int, stride: int, kinds: Sequence[str] = KINDS
@@ -313,26 +339,77 @@ class SequenceData:
         ]
         return np.array(windows, dtype=np.int64).reshape(-1, 2)
 
-    def label_share(self, split: str) -> np.ndarray:
+    def label_share(self, split: str, kinds: Sequence[str] = KINDS) -> np.ndarray:
         """(L,) of the points of a split that have each of `LABELS`.
 
         Raises:
             InputError: a point has another label.
         """
-        counts = [self.count_labels(sequence) for sequence in self.of_split(split)]
-        count = np.sum(counts, axis=0) if counts else np.zeros(len(LABELS))
+        count = np.zeros(len(LABELS))
+        for sequence in self.of_split(split, kinds):
+            found = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+            if len(found) > len(LABELS):
+                raise InputError(
+                    f"{self._folder / 'labels.npy'}: holds label {len(found) - 1},"
+                    f" expected 0 to {len(LABELS) - 1}"
+                )
+            count += found
         return count / max(count.sum(), 1)
 
-    def count_labels(self, sequence: int) -> np.ndarray:
-        """(L,) points of a sequence that have each of `LABELS`.
 
-        Raises:
-            InputError: a point has another label.
-        """
-        count = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
-        if len(count) > len(LABELS):
-            raise InputError(
-                f"{self._folder / 'labels.npy'}: holds label {len(count) - 1},"
-                f" expected 0 to {len(LABELS) - 1}"
-            )
-        return count
+class SequenceData(CloudData):
+    """All sequences of a garment type, as `collect_sequences` wrote them; see `CloudData`.
+
+    Args:
+        folder: that it wrote.
+
+    Attributes:
+        garment_type, label: the type, and its code in `LABELS`.
+        space: of its shapes at rest.
+        garment: (F, N, 3), memory-mapped.
+        poses, trans: (F, 72) and (F, 3) of the root joint in the world.
+        number: (F,) of the frames in the motion.
+        shape, gender: (S, 10) and (S,) "female" or "male".
+        canonical, coefficients: (S, N, 3), (S, D).
+
+    Raises:
+        InputError: a file is missing, lacks an array, or the arrays do not agree in length.
+    """
+
+    garment: np.ndarray
+    shape: np.ndarray
+    gender: np.ndarray
+    canonical: np.ndarray
+    coefficients: np.ndarray
+    _of_frames = _OF_CLOUDS | {"garment": "float f n 3"}
+    _of_sequences = _OF_SEQUENCES | _OF_GARMENTS
+
+    def __init__(self, folder: str | Path) -> None:
+        folder = Path(folder)
+        self.garment_type = read_json(folder / "about.json", {"garment": GARMENTS})["garment"]
+        self.label = LABELS.index(self.garment_type)
+        self.space = load_space(folder / "space.npz")
+        components, vertices, _ = self.space.components.shape
+        super().__init__(folder, n=vertices, d=components)
+        self.gender = gender_names(self.gender)
+        frames = load_npz(
+            folder / "frames.npz",
+            {"poses": "float f 72", "trans": "float f 3", "sequence": "int f", "number": "int f"},
+        )
+        self.poses, self.trans, self.number = (frames[key] for key in ("poses", "trans", "number"))
+        self._require_frames(self.poses)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Every array by name, for a digest of the data."""
+        frames = {key: getattr(self, key) for key in ("poses", "trans", "number")}
+        space = {f"space/{key}": value for key, value in vars(self.space).items()}
+        return super().arrays() | frames | space
+
+    @cached_property
+    def originals(self) -> dict[str, Mesh]:
+        """Name of a sequence -> canonical garment before registration; none for training."""
+        arrays = load_npz(
+            self._folder / "originals.npz", {"*/vertices": "float * 3", "*/faces": "int * 3"}
+        )
+        names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
+        return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}

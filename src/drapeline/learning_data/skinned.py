@@ -117,8 +117,6 @@ def write_skinned(
     samples: Sequence[str | Path],
     bodies: Mapping[str, BodyModel],
     settings: SkinnedSettings,
-    *,
-    garments: Sequence[str],
 ) -> int:
     """Put the outfits of a shard into motion and write their clouds and cloth.
 
@@ -132,7 +130,6 @@ def write_skinned(
         shard: `.npz` of static outfits.
         samples: folders of simulated samples.
         bodies: whole, by gender.
-        garments: types wanted; outfits without any of them are left out.
 
     Returns:
         Number of outfits written.
@@ -148,7 +145,7 @@ def write_skinned(
             f" {max(len(m.poses) for m in motions)} frames, expected at least {span}"
         )
     motions = [m for m in motions if len(m.poses) >= span]
-    wanted = [o for o in load_static(shard) if {g.name for g in o.outfit.garments} & {*garments}]
+    wanted = list(load_static(shard))
     splits = {m.split for m in motions}
     outfits = [o for o in wanted if o.split in splits]
     with atomic_folder(folder) as scratch:
@@ -175,6 +172,7 @@ def _write(
 ) -> None:
     span = settings.step * np.arange(settings.frames)
     sizes = [[len(g.vertices) for g in o.outfit.garments] for o in outfits]
+    most = max(map(len, sizes), default=1)
     rows = settings.frames * sum(map(sum, sizes))
     clouds = cloud_layouts(len(outfits) * settings.frames, settings.clouds.points)
     files = ArrayFiles(folder, clouds | {"cloth": (np.float32, (rows, 3))})
@@ -202,8 +200,8 @@ def _write(
         sample=np.array([sample for sample, _, _ in chosen], dtype=str),
         number=np.array([number for _, number, _ in chosen]).reshape(-1, settings.frames),
         poses=np.array([poses for _, _, poses in chosen]).reshape(-1, settings.frames, 72),
-        # Vertices of the two garments at most; 0 for none.
-        vertices=np.array([(size + [0])[:2] for size in sizes]).reshape(-1, 2),
+        # Of as many garments as an outfit has at most; 0 for none.
+        vertices=np.array([size + [0] * (most - len(size)) for size in sizes]).reshape(-1, most),
     )
 
 

@@ -25,6 +25,9 @@ METRICS = {
     "along_surface_mm": Metric("mm", "Along the surface"),
     "velocity_error_m_s": Metric("m/s", "Velocity error", 2),
     "acceleration_error_m_s2": Metric("m/s²", "Acceleration error", 2),
+    "slow_motion": Metric("", "Below 2 Hz", 2, better=""),
+    "quick_motion": Metric("", "2 to 5 Hz", 2, better=""),
+    "fast_motion": Metric("", "Above 5 Hz", 2, better=""),
     # Rises with holes in the cloud, even for a perfect garment.
     "to_cloud_mm": Metric("mm", "To the cloud", 2, better=""),
     "inference_s_per_frame": Metric("ms", "Time per frame", 1, 1000),
@@ -49,6 +52,10 @@ VARIANTS = {
         "ours": Variant(COMPARED["ours"]),
         "ours_true_labels": Variant("Ours, given the true labels", competes=False),
         "ours_true_rest": Variant("Ours, given the true garment at rest", competes=False),
+        "again_rest_shape": Variant(
+            "True garment, its rest shape changed by 1 mm, simulated again", competes=False
+        ),
+        "again_other_solver": Variant("True garment, simulated by the fast solver", competes=False),
         "no_body_encoder": Variant("Without body surface encoder"),
         "no_transformer": Variant("Without temporal transformer"),
         "released_loss": Variant("With the loss of the released code"),

@@ -73,6 +73,36 @@ def _derivative_error(predicted: np.ndarray, true: np.ndarray, order: int) -> fl
     return float(FPS**order * np.linalg.norm(np.diff(error, n=order, axis=0), axis=-1).mean())
 
 
+# Of motion, from and to Hz: swinging with the body, folds, and what shakes.
+_BANDS_HZ = {"slow_motion": (0, 2), "quick_motion": (2, 5), "fast_motion": (5, FPS)}
+
+
+def motion_spectrum(predicted: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    """How much a garment moves at several speeds, as shares of what the true one does.
+
+    1 is as much; less in the upper bands is cloth that is too stiff or smoothed, more is noise.
+
+    Args:
+        predicted, true: (F, N, 3) metres, consecutive frames of one whole sequence, 30 per second,
+            relative to the root joint.
+
+    Returns:
+        Per band the ratio of root mean squares of velocities; NaN where the true ones are none.
+    """
+    powers = []
+    for motion in (predicted, true):
+        velocity = FPS * np.diff(np.asarray(motion, dtype=np.float64), axis=0)
+        window = np.hanning(len(velocity) + 2)[1:-1, None, None]
+        powers.append((np.abs(np.fft.rfft(window * velocity, axis=0)) ** 2).sum(axis=(1, 2)))
+    frequency = np.fft.rfftfreq(max(len(true) - 1, 1), 1 / FPS)
+    shares = {}
+    for name, (low, high) in _BANDS_HZ.items():
+        band = (frequency >= low) & (frequency < high)
+        ours, theirs = (float(power[band].sum()) for power in powers)
+        shares[name] = float(np.sqrt(ours / theirs)) if theirs > 0 else float("nan")
+    return shares
+
+
 def split_error_mm(predicted: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
     """M2 in two: off the true surface, along its normals, and beside the right place on it.
 
@@ -149,6 +179,8 @@ def sequence_measures(
         measures["vertex_error_mm"] = vertex_error_mm(garment, true)
         measures["velocity_error_m_s"] = velocity_error_m_s(garment, true)
         measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
+        if len(true) > 2:
+            measures |= motion_spectrum(garment, true)
         if faces is not None:
             both = garment[::CONTACT_STEP], true[::CONTACT_STEP]
             measures |= split_error_mm(garment, true, faces)

@@ -27,7 +27,7 @@ from drapeline.metrics.predictions import BODY, FITTED, TRUE, Fits, save_fitted_
 from drapeline.metrics.properties import COMMON, measure_properties, scan_class
 from drapeline.metrics.table import ALL, join, summarise, write_evaluation
 from drapeline.models.contract import HeldOutGarment, Representation, ScanFitter
-from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS, TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENT_TYPES, GARMENTS
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -181,7 +181,7 @@ def compare_scan_fits(
                 row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
                 fit = Measured(known.clip, known.classes[name], row, known.source)
                 measured.setdefault(variant, []).append(fit)
-                if name in TEMPLATE_TYPES:
+                if name in GARMENT4D_TYPES:
                     common.setdefault(variant, []).append(fit._replace(garment=COMMON))
     summary = partial(summarise, model=SCAN, split=split, seed=seed)
     tables = []

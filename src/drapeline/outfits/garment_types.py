@@ -73,8 +73,10 @@ EVEN_OUTFIT_TYPES = (
     *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
     *("Tshirt+Skirt", "Dress", "Top+Trousers", "Jumpsuit"),
 )
-# Types that Garment4D has templates of.
-TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
+# Types that Garment4D's paper has; all models are compared on them.
+GARMENT4D_TYPES = ("Skirt", "Tshirt", "Trousers")
+# The order in which tables have types.
+TABLE_TYPES = tuple(dict.fromkeys((*GARMENT4D_TYPES, *GARMENTS)))
 
 
 Item = TypeVar("Item")

@@ -13,6 +13,7 @@ from drapeline.dataset.point_clouds import (
     CloudSampler,
     corrupt_labels,
     cut_holes,
+    find_seen,
     load_clouds,
     write_clouds,
 )
@@ -234,6 +235,27 @@ def test_holes_take_exactly_their_share(share):
     _, repeats = np.unique(left, axis=0, return_counts=True)
     assert len(repeats) == 1000 - round(1000 * share)
     assert np.ptp(repeats) <= 1
+
+
+def test_a_camera_sees_the_half_of_a_ball_that_faces_it():
+    points = rng().normal(size=(2000, 3))
+    points = (0.3 * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+    front = find_seen(np.array([[3.0, 0, 0]]), points, rng())
+    assert front.shape == (2000,)
+    assert (points[front, 0] > -0.05).all()
+    found, repeats = np.unique(front, return_counts=True)
+    assert len(found) > 0.4 * len(points)
+    assert np.ptp(repeats) <= 1
+    around = find_seen(np.array([[3.0, 0, 0], [-3.0, 0, 0]]), points, rng())
+    assert len(np.unique(around)) > 0.85 * len(points)
+
+
+def test_a_camera_does_not_see_what_is_behind_a_wall():
+    side = np.linspace(-0.5, 0.5, 30)
+    wall = np.stack([np.full(900, 0.2), *(each.ravel() for each in np.meshgrid(side, side))], 1)
+    hidden = wall * [-1, 0.5, 0.5]
+    seen = find_seen(np.array([[3.0, 0, 0]]), np.concatenate([hidden, wall]), rng())
+    assert set(seen.tolist()) == set(range(900, 1800))
 
 
 def test_wrong_labels_are_as_many_as_asked_for_and_turn_the_right_way():

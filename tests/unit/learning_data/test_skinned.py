@@ -147,11 +147,23 @@ def inputs(tmp_path_factory, toy_body, skirt, top):
 def written(inputs, toy_body, tmp_path_factory):
     shard, samples, _ = inputs
     folder = tmp_path_factory.mktemp("out") / "000"
-    assert (
-        write_skinned(folder, shard, samples, {"female": toy_body}, SETTINGS, garments=["Skirt"])
-        == 2
-    )
+    assert write_skinned(folder, shard, samples, {"female": toy_body}, SETTINGS) == 3
     return folder
+
+
+def test_three_garments_are_kept(inputs, toy_body, skirt, top, tmp_path):
+    _, samples, _ = inputs
+    jacket = dataclasses.replace(top, name="Jacket")
+    worn = [outfit(skirt), outfit(skirt, top, jacket)]
+    statics = [StaticOutfit(f"s{k}", "train", one) for k, one in enumerate(worn)]
+    save_static(tmp_path / "outfits_at_rest", statics)
+    shard = tmp_path / "outfits_at_rest"
+    assert write_skinned(tmp_path / "000", shard, samples, {"female": toy_body}, SETTINGS) == 2
+    one, three = load_skinned(tmp_path / "000")
+    assert list(one.garments) == ["Skirt"]
+    assert {name: cloth.shape[1] for name, cloth in three.garments.items()} == {
+        garment.name: len(garment.vertices) for garment in (skirt, top, jacket)
+    }
 
 
 def test_outfits_move_as_samples_of_their_own_split(written):
@@ -159,13 +171,15 @@ def test_outfits_move_as_samples_of_their_own_split(written):
     assert [(one.name, one.split, one.sample) for one in found] == [
         ("s1", "train", "00001"),
         ("s2", "test", "00002"),
+        ("s4", "train", "00001"),
     ]
     assert read_json(written / "about.json")["left_out"] == ["s3"]
 
 
 def test_cloth_and_clouds_are_those_of_the_poses_named(written, inputs, toy_body):
-    outfits = inputs[2]
-    for one, static in zip(load_skinned(written), outfits, strict=False):
+    outfits = {static.name: static for static in inputs[2]}
+    for one in load_skinned(written):
+        static = outfits[one.name]
         np.testing.assert_array_equal(np.diff(one.number), 1)
         worn = skin_outfit(static.outfit, toy_body, one.poses)
         assert list(one.garments) == [g.name for g in static.outfit.garments]
@@ -174,16 +188,15 @@ def test_cloth_and_clouds_are_those_of_the_poses_named(written, inputs, toy_body
         assert one.points.shape == (3, 100, 3)
         codes = {0, *(LABELS.index(name) for name in one.garments)}
         assert set(np.unique(one.labels)) <= codes
-        skirt = one.points[1][one.labels[1] == LABELS.index("Skirt")]
-        apart = np.linalg.norm(skirt[:, None] - one.garments["Skirt"][1][None], axis=-1)
+        name = static.outfit.garments[0].name
+        cloth = one.points[1][one.labels[1] == LABELS.index(name)]
+        apart = np.linalg.norm(cloth[:, None] - one.garments[name][1][None], axis=-1)
         assert apart.min(axis=1).max() < 0.06  # between vertices some 5 cm apart
 
 
 def test_the_same_seed_writes_the_same(written, inputs, toy_body, tmp_path):
     shard, samples, _ = inputs
-    write_skinned(
-        tmp_path / "b", shard, samples[::-1], {"female": toy_body}, SETTINGS, garments=["Skirt"]
-    )
+    write_skinned(tmp_path / "b", shard, samples[::-1], {"female": toy_body}, SETTINGS)
     for name in ("points.npy", "labels.npy", "cloth.npy"):
         assert (tmp_path / "b" / name).read_bytes() == (written / name).read_bytes()
 
@@ -192,24 +205,25 @@ def test_frames_may_lie_apart_but_not_beyond_the_motion(inputs, toy_body, tmp_pa
     shard, samples, _ = inputs
     bodies = {"female": toy_body}
     apart = SETTINGS.replace(step=2)
-    write_skinned(tmp_path / "a", shard, samples, bodies, apart, garments=["Skirt"])
-    assert [one.number.tolist() for one in load_skinned(tmp_path / "a")] == [[0, 2, 4]] * 2
+    write_skinned(tmp_path / "a", shard, samples, bodies, apart)
+    assert [one.number.tolist() for one in load_skinned(tmp_path / "a")] == [[0, 2, 4]] * 3
     far = SETTINGS.replace(step=3)
     with pytest.raises(InputError, match="longest of 2 samples has 5 frames, expected at least 7"):
-        write_skinned(tmp_path / "b", shard, samples, bodies, far, garments=["Skirt"])
+        write_skinned(tmp_path / "b", shard, samples, bodies, far)
 
 
-def test_a_shard_without_such_garments_is_an_empty_folder(inputs, toy_body, tmp_path):
-    shard, samples, _ = inputs
-    bodies = {"female": toy_body}
-    assert not write_skinned(tmp_path / "a", shard, samples, bodies, SETTINGS, garments=["Tshirt"])
+def test_a_shard_of_splits_that_nobody_moves_in_is_an_empty_folder(inputs, toy_body, tmp_path):
+    _, samples, outfits = inputs
+    shard = save_static(tmp_path / "at_rest", [one for one in outfits if one.split == "val"])
+    assert write_skinned(tmp_path / "a", shard, samples, {"female": toy_body}, SETTINGS) == 0
     assert not list(load_skinned(tmp_path / "a"))
+    assert read_json(tmp_path / "a" / "about.json")["left_out"] == ["s3"]
 
 
 def test_damaged_folders_are_refused(written, tmp_path):
     folder = shutil.copytree(written, tmp_path / "a")
     np.save(folder / "cloth.npy", np.zeros((5, 3), np.float32))
-    with pytest.raises(InputError, match="6 clouds and 5 vertices, expected 6 and"):
+    with pytest.raises(InputError, match="9 clouds and 5 vertices, expected 9 and"):
         list(load_skinned(folder))
     (folder / "labels.npy").unlink()
     with pytest.raises(InputError, match="labels.npy"):

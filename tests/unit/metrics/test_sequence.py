@@ -10,6 +10,7 @@ from drapeline.metrics.sequence import (
     acceleration_error_m_s2,
     canonical_measures,
     inside_means,
+    motion_spectrum,
     segmentation_accuracy,
     sequence_measures,
     split_error_mm,
@@ -169,6 +170,7 @@ def test_sequence_measures_follow_what_is_known(motion):
         "vertex_error_mm",
         "velocity_error_m_s",
         "acceleration_error_m_s2",
+        *("slow_motion", "quick_motion", "fast_motion"),
     }
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
     found = sequence_measures(motion + 0.01, motion, body=body, points=motion)
@@ -203,3 +205,15 @@ def test_sliding_along_a_plane_is_no_distance_between_surfaces():
     slid = sequence_measures(true + [0.05, 0, 0], true, faces=faces)
     assert slid["vertex_error_mm"] == pytest.approx(50)
     assert slid["predicted_to_true_mm"] == pytest.approx(50 / 11, abs=1e-3)
+
+
+def test_motion_is_told_apart_by_its_speed():
+    """Half of the true motion at 1 Hz, twice as much at 8 Hz, none between."""
+    time = np.arange(90)[:, None, None] / 30
+    ways = np.random.default_rng(0).normal(size=(2, 1, 5, 3))
+    slow, fast = (way * np.sin(2 * np.pi * f * time) for way, f in zip(ways, (1, 8), strict=True))
+    found = motion_spectrum(0.5 * slow + 2 * fast, slow + fast)
+    assert found["slow_motion"] == pytest.approx(0.5, rel=1e-3)
+    assert found["fast_motion"] == pytest.approx(2, rel=1e-3)
+    assert motion_spectrum(np.zeros_like(slow), slow)["slow_motion"] == 0
+    assert np.isnan(motion_spectrum(slow, np.zeros_like(slow))["slow_motion"])

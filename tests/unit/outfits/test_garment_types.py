@@ -3,11 +3,12 @@
 import pytest
 
 from drapeline.outfits.garment_types import (
+    GARMENT4D_TYPES,
     GARMENT_TYPES,
     GARMENTS,
     OUTFIT_TYPES,
     SKIRTS,
-    TEMPLATE_TYPES,
+    TABLE_TYPES,
     GarmentType,
     first_of_each,
     layered,
@@ -17,7 +18,12 @@ from drapeline.outfits.garment_types import (
 def test_types_keep_their_positions_which_files_store():
     assert GARMENTS[:6] == ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
     assert [GARMENTS.index(name) for name in SKIRTS[:2]] == [3, 5]
-    assert set(TEMPLATE_TYPES) <= set(GARMENTS)
+    assert set(GARMENT4D_TYPES) <= set(GARMENTS)
+
+
+def test_tables_have_every_type_once_and_begin_with_those_that_models_are_compared_on():
+    assert TABLE_TYPES[: len(GARMENT4D_TYPES)] == GARMENT4D_TYPES
+    assert sorted(TABLE_TYPES) == sorted(GARMENTS)
 
 
 def test_every_type_is_worn_and_every_outfit_covers_both_halves_of_the_body_once():

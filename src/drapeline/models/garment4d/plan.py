@@ -25,11 +25,14 @@ from drapeline.models.registry import (
     page,
 )
 from drapeline.models.training.settings import override_settings
+from drapeline.outfits.garment_types import GARMENTS
 
 _HERE = "drapeline.models.garment4d"
+_SOURCES = "drapeline.learning_data.sequence_sources"
 _PAGES = "drapeline.report.models.garment4d"
 _ABLATIONS = "metrics_garment4d_ablations"
 _PULLED_MGN = "mgn_pulled"
+_AGAIN = 20  # test samples of each group that are simulated again, at most
 PROTOCOLS = ("surface", "vertices")
 
 
@@ -43,36 +46,53 @@ class Garment4dFiles:
         self._files = files
         self.settings = files.config["garment4d"]
         self.folder = f"{files.results}/garment4d"
-        # Garment types that the networks learn, one network of each stage for each type.
+        # Garment types that models are compared on, one network of each stage for each type.
         self.garments = self.settings["garments"]
-        self.templates = {name: f"{self.folder}/{name}/template.npz" for name in self.garments}
-        self.fits = f"{self.folder}/fits/{{group}}/{{shard}}"
+        self.labelled = f"{self.folder}/labelled"
         self.skinned = f"{self.folder}/skinned/{{group}}/{{shard}}"
         # Shards of outfits at rest that the networks learn from besides simulated samples.
         shards = [(group.name, shard) for group in files.resting for shard in group.shards]
         self.skinned_shards = shards[: self.settings["skinned"]["shards"]]
-        # Samples that wear one of the types.
-        self.wearers = [
-            sample
-            for sample, planned in files.moving_plans.items()
-            if set(planned.outfit_type.split("+")) & set(self.garments)
+
+    def template(self, garment: str) -> str:
+        """That garments of a type are registered to."""
+        return f"{self.folder}/{garment}/template.npz"
+
+    def fits(self, garment: str) -> str:
+        """Pattern of a type's template fitted to garments."""
+        return f"{self.folder}/{garment}/fits/{{group}}/{{shard}}"
+
+    def sequences(self, garment: str) -> str:
+        """Sequences of a type, sampled as the config says."""
+        return f"{self.folder}/{garment}/data_{self.settings['protocol']}"
+
+    def wearers(self, garment: str) -> list[str]:
+        """Samples in motion that wear a type."""
+        plans = self._files.moving_plans.items()
+        return [sample for sample, plan in plans if garment in plan.outfit_type.split("+")]
+
+    def skinned_wearers(self, garment: str) -> list[tuple[str, str]]:
+        """Those of `skinned_shards` that have a type."""
+        return [
+            (group, shard)
+            for group, shard in self.skinned_shards
+            if any(
+                garment in plan.outfit_type.split("+")
+                for plan in self._files.groups[group].shards[shard]
+            )
         ]
-        # Sequences of each type, sampled as the config says.
-        self.sequences = {
-            name: f"{self.folder}/{name}/data_{self.settings['protocol']}" for name in self.garments
-        }
 
     def clouds(self, protocol: str) -> str:
         """Pattern of point clouds of samples."""
         return f"{self.folder}/clouds_{protocol}/{{group}}/{{shard}}"
 
-    @property
-    def learnt_fits(self) -> list[str]:
-        """Templates fitted to all garments that the networks learn from or are tested on."""
+    def learnt_fits(self, garment: str) -> list[str]:
+        """A template fitted to all garments that models learn from or are tested on."""
+        fits = self.fits(garment)
         skinned = [
-            self.fits.format(group=group, shard=shard) for group, shard in self.skinned_shards
+            fits.format(group=group, shard=shard) for group, shard in self.skinned_wearers(garment)
         ]
-        return [*skinned, *self._files.shards_of(self.fits, self.wearers)]
+        return [*skinned, *self._files.shards_of(fits, self.wearers(garment))]
 
 
 class _Garment4dTasks:
@@ -85,22 +105,42 @@ class _Garment4dTasks:
         self.variants = posed_variants(self.settings["posed"])
 
     def data(self) -> dict[str, Task]:
-        """Sequences of each type."""
-        return {
-            f"{garment}/data_{protocol}": self._collect(garment, protocol)
-            for garment in self.garments
-            for protocol in PROTOCOLS
-        }
+        """Clouds of all sequences, and the sequences of each type."""
+        found = {"labelled": self._collect_all()}
+        for garment in GARMENTS:
+            for protocol in PROTOCOLS:
+                found[f"{garment}/data_{protocol}"] = self._collect(garment, protocol)
+        return found
+
+    def _collect_all(self) -> Task:
+        files, own = self.files, self.own
+        clouds = own.clouds(self.settings["protocol"])
+        return Task(
+            f"{_SOURCES}:collect_all",
+            {
+                "samples": files.per_shard(files.samples, files.moving),
+                "clouds": files.per_shard(clouds, files.moving),
+                "skinned": [
+                    own.skinned.format(group=group, shard=shard)
+                    for group, shard in own.skinned_shards
+                ],
+                **files.bodies,
+            },
+            {},
+            seconds=60 * files.moving_size,
+            megabytes=400 + 20 * files.moving_size,
+        )
 
     def _collect(self, garment: str, protocol: str) -> Task:
         files, own = self.files, self.own
+        wearers = own.wearers(garment)
         # Clouds of outfits at rest follow the config's protocol.
-        skinned = own.skinned_shards if protocol == self.settings["protocol"] else []
+        skinned = own.skinned_wearers(garment) if protocol == self.settings["protocol"] else []
         return Task(
-            "drapeline.learning_data.sequence_sources:collect",
+            f"{_SOURCES}:collect",
             {
-                "samples": files.shards_of(files.samples, own.wearers),
-                "clouds": files.shards_of(own.clouds(protocol), own.wearers),
+                "samples": files.shards_of(files.samples, wearers),
+                "clouds": files.shards_of(own.clouds(protocol), wearers),
                 "skinned": [
                     own.skinned.format(group=group, shard=shard) for group, shard in skinned
                 ],
@@ -108,8 +148,8 @@ class _Garment4dTasks:
                     files.outfits.format(group=group, shard=shard) for group, shard in skinned
                 ],
                 **files.bodies,
-                "template": own.templates[garment],
-                "fits": own.learnt_fits,
+                "template": own.template(garment),
+                "fits": own.learnt_fits(garment),
             },
             {"garment": garment, "components": self.settings["components"]},
             seconds=40 * files.moving_size,
@@ -134,8 +174,8 @@ class _Garment4dTasks:
                     found[f"{garment}/{name}"] = self._train(
                         "posed", garment, stage, told, canonical=canonical
                     )
-            found[f"{garment}/ours"] = self._fit_ours(garment)
-        return found
+        # Ours learns types that nothing is compared on when somebody asks for them.
+        return found | {f"{garment}/ours": self._fit_ours(garment) for garment in GARMENTS}
 
     def _train_labels(self) -> Task:
         training = self.settings["labels"]["training"]
@@ -143,7 +183,7 @@ class _Garment4dTasks:
         seconds, megabytes = self._cost("canonical", training, 2 * training["epochs"])
         return Task(
             f"{_HERE}.ours.train:train_labels",
-            {"data": [self.own.sequences[garment] for garment in self.garments]},
+            {"data": self.own.labelled},
             {"settings": self._stage_settings("labels"), "trainer": self.settings["trainer"]},
             seconds=seconds,
             megabytes=megabytes,
@@ -160,7 +200,7 @@ class _Garment4dTasks:
             f"{_HERE}.ours.train:train_ours",
             {
                 **self.files.bodies,
-                "data": self.own.sequences[garment],
+                "data": self.own.sequences(garment),
                 "labels": f"{self.folder}/labels",
             },
             {
@@ -170,6 +210,7 @@ class _Garment4dTasks:
             },
             seconds=300 + 100 * size,
             megabytes=2000 + 20 * size,
+            checks=[partial(self._require_sequences, garment, "labels")],
             modules=[OUR_SOLVER],
             gpus=min(self.files.gpus("garment4d"), 1),
         )
@@ -192,7 +233,7 @@ class _Garment4dTasks:
         seconds, megabytes = self._cost(place, training, training["epochs"])
         return Task(
             f"{_HERE}.train:train_{kind}",
-            {**self.files.bodies, "data": self.own.sequences[garment], **given},
+            {**self.files.bodies, "data": self.own.sequences(garment), **given},
             {
                 **told,
                 "body_points": self.settings["body_points"],
@@ -256,6 +297,7 @@ class _Garment4dTasks:
                 self._evaluate(garment, [*self.variants, _PULLED_MGN], {}, **released),
                 (_ABLATIONS,),
             )
+        found["floor"] = (self._floor(), (_ABLATIONS,))
         found["representations"] = (self._compare(), ("representations",))
         if self.files.scanned:
             found["scans"] = (self._fit_scans(), ("scans",))
@@ -265,17 +307,13 @@ class _Garment4dTasks:
         self, garment: str, variants: list[str], changed: Mapping[str, Any], **given: str
     ) -> Task:
         # Those moved by skinning are not measured, so the plan must have others.
-        wearers = [
-            plan
-            for plan in self.files.moving_plans.values()
-            if garment in plan.outfit_type.split("+")
-        ]
+        wearers = [self.files.moving_plans[sample] for sample in self.own.wearers(garment)]
         folder, size = f"{self.folder}/{garment}", self.files.moving_size
         return Task(
             f"{_HERE}.evaluate:evaluate_garment",
             {
                 **self.files.bodies,
-                "data": self.own.sequences[garment],
+                "data": self.own.sequences(garment),
                 **given,
                 **{name: f"{folder}/{name}" for name in ("canonical", "pointnet", "mgn", "ours")},
                 "posed": [f"{folder}/{variant}" for variant in variants],
@@ -296,13 +334,50 @@ class _Garment4dTasks:
             gpus=min(self.files.gpus("garment4d"), 1),
         )
 
+    def _floor(self) -> Task:
+        """The true garments simulated again."""
+        files, own = self.files, self.own
+        worn = {sample for garment in self.garments for sample in own.wearers(garment)}
+        samples = files.first_of_split(
+            _AGAIN, EVALUATED_SPLITS[0], lambda plan: plan.sample in worn
+        )
+        return Task(
+            f"{_HERE}.floor:evaluate_floor",
+            {
+                **files.bodies,
+                **self._every_sequence,
+                **{
+                    f"fits_{garment}": files.shards_of(
+                        own.fits(garment), [one for one in own.wearers(garment) if one in samples]
+                    )
+                    for garment in self.garments
+                },
+                "samples": files.shards_of(files.samples, samples),
+                "outfits": files.shards_of(files.outfits, samples),
+                "motions": files.shards_of(files.moving_bodies, samples),
+            },
+            {
+                "solver": OUR_SOLVER,
+                "garments": self.garments,
+                "samples": samples,
+                "split": EVALUATED_SPLITS[0],
+                "seed": self.seed,
+            },
+            seconds=20 * len(samples),
+            megabytes=1500,
+            modules=[OUR_SOLVER],
+        )
+
     def _compare(self) -> Task:
         files = self.files
         return Task(
             f"{_HERE}.representation:compare_templates",
             {
-                **self.own.sequences,
-                "fits": files.per_shard(self.own.fits, files.resting),
+                **self._every_sequence,
+                **{
+                    f"fits_{garment}": files.per_shard(self.own.fits(garment), files.resting)
+                    for garment in self.garments
+                },
                 "data": files.static,
                 "outfits": files.outfits_at_rest,
             },
@@ -358,7 +433,7 @@ class _Garment4dTasks:
             ),
             "plot_garment_spaces": figure(
                 f"{_PAGES}.figures:plot_spaces",
-                self.own.sequences,
+                self._every_sequence,
                 rays,
                 environment="report",
                 explained=spaces("explained.svg", "variance of the principal components"),
@@ -366,7 +441,7 @@ class _Garment4dTasks:
             ),
             "plot_skinning": figure(
                 f"{_HERE}.figures:plot_skinning",
-                {**self.files.bodies, "data": self.own.sequences[self._shown_garment()]},
+                {**self.files.bodies, "data": self.own.sequences(self._shown_garment())},
                 {"skinning": self.settings["skinning"], **rays},
                 picture=_shown(
                     "garment4d_skinning",
@@ -387,6 +462,11 @@ class _Garment4dTasks:
             ),
         }
 
+    @property
+    def _every_sequence(self) -> dict[str, str]:
+        """Sequences of the types that models are compared on."""
+        return {garment: self.own.sequences(garment) for garment in self.garments}
+
     def _shown_garment(self) -> str:
         """In figures of a single type; skirts move most."""
         return "Skirt" if "Skirt" in self.garments else self.garments[0]
@@ -394,7 +474,10 @@ class _Garment4dTasks:
     def _tables(self, table: str, name: str, *, default: bool = True) -> Figure:
         return page(
             f"{_PAGES}.tables:tabulate",
-            {"metrics": self.files.metrics(table), "fits": self.own.learnt_fits},
+            {
+                "metrics": self.files.metrics(table),
+                "fits": [fits for one in self.garments for fits in self.own.learnt_fits(one)],
+            },
             {"departures": self._departures()},
             default=default,
             page=ReportFile(f"{name}.html", f"tables 2 to 4 ({table})", "garment4d_tables"),

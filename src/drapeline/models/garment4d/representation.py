@@ -57,5 +57,5 @@ def compare_templates(job: Job) -> None:
     """Held-out garments as templates and as their principal components."""
     given, garments = job.input, job.params.garments
     spaces = {name: load_space(Path(given[name]) / "space.npz") for name in garments}
-    tables = {name: load_tables(given.fits, name) for name in garments}
+    tables = {name: load_tables(given[f"fits_{name}"]) for name in garments}
     compare(job, [RegisteredTemplate(spaces, tables), TemplatePca(spaces, tables)])

@@ -6,17 +6,15 @@ F frames, P points of a cloud.
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
+from drapeline.dataset.point_clouds import corrupt_labels, cut_holes, find_seen
+from drapeline.learning_data.worse_inputs import camera_ring
 from drapeline.models.garment4d.data import BodySequences, Seen
 from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.seeding import rng_for
 
 UNDEGRADED = "undegraded"
 _SHAPE_PER_RAD = 10.0  # noise on shape coefficients, per radian of that on poses
-_CAMERA_M = 3.0  # distance of cameras from the root joint
-_FLIP = 100.0  # radius of the sphere that points are flipped at, in distances of the farthest one
 
 
 def degraded(
@@ -53,25 +51,6 @@ def degraded(
         yield f"point_noise_{round(1000 * noise_m)}", seen._replace(points=noisy)
     for count in settings.views:
         rng = rng_for(settings.seed, "views", name)
-        angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(count) / count
-        cameras = _CAMERA_M * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-        viewed = np.stack([seen_by(cameras, cloud, rng) for cloud in seen.points])
+        cameras = camera_ring(count, rng)
+        viewed = np.stack([cloud[find_seen(cameras, cloud, rng)] for cloud in seen.points])
         yield f"views_{count}", seen._replace(points=viewed)
-
-
-def seen_by(cameras: np.ndarray, cloud: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(P, 3) the points of a cloud that cameras see, repeated to as many.
-
-    Points that are hidden behind others are found by flipping the cloud at a sphere around each
-    camera: what is seen is on its convex hull (Katz, Tal and Basri, Direct Visibility of Point
-    Sets, 2007).
-    """
-    found = []
-    for camera in cameras:
-        rays = cloud.astype(np.float64) - camera
-        away = np.linalg.norm(rays, axis=1, keepdims=True)
-        flipped = rays + 2 * (_FLIP * away.max() - away) * rays / away
-        hull = ConvexHull(np.concatenate([flipped, np.zeros((1, 3))])).vertices
-        found.append(hull[hull < len(cloud)])
-    left = np.unique(np.concatenate(found))
-    return cloud[rng.permutation(np.resize(rng.permutation(left), len(cloud)))]

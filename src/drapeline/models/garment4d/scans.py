@@ -102,7 +102,7 @@ class Garment4dScanFitter:
                 found[POSED][name] = Mesh(_middle(networks.make(seen).final, body), faces)
                 seen = self._see(ours, ours.guesser.frames, scan, body)
                 # Nothing moves, so that nothing is to be simulated.
-                step = replace(ours.final_step, simulated=False)
+                step = replace(ours.final_step, simulated_error_m=None)
                 laid = step(ours.guesser.guess(seen).canonical, seen, ours.refining)
                 found[OURS][name] = Mesh(_middle(laid.final, body), faces)
         if at_rest:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from drapeline.dataset.settings import CloudSettings, OwnScans, Protocol
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.models.training.settings import EpochTraining, Trainer
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENTS
 from drapeline.registration.settings import RefineSettings, TemplateFitSettings
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, SkipJsonSchema
 
@@ -15,7 +15,7 @@ from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, Ski
 _POINTS = 6890
 PAPER_FRAMES = 10  # T of a window
 RELEASED_INTERPENETRATION = 100  # lambda_7 of equation 7 in the released code
-_Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
+_Garment = Annotated[str, OneOf(GARMENTS)]
 _Path = Annotated[str, Field(min_length=1)]
 _PULLED = {"network": {"pull_neighbours": 4, "smooth_passes": 8}}
 # Variant -> group -> setting -> value, laid over the experiment's settings of the posed stage.
@@ -478,11 +478,11 @@ class Garment4dSettings(Settings):
     model_config = ConfigDict(title="Garment4D")
 
     garments: Annotated[tuple[_Garment, ...], EachOnce()] = Field(
-        TEMPLATE_TYPES,
+        GARMENT4D_TYPES,
         min_length=1,
         description=(
-            "Garment types to learn, with networks of its own for each; the models are compared "
-            "on them."
+            "Garment types that the models are compared on, with networks of their own for each. "
+            "`reconstruct` is not bound to them: our model learns any type when it is asked for."
         ),
     )
     template: Template = Template()
@@ -510,7 +510,7 @@ class Garment4dSettings(Settings):
     skinning: SkinningSettings = SkinningSettings()
     labels: LabelStageSettings = Field(
         LabelStageSettings(),
-        description="Labels of points for our model, one network for all types.",
+        description="Labels of points for our model, one network for all types that are worn.",
     )
     canonical: CanonicalStageSettings = CanonicalStageSettings()
     posed: PosedStageSettings = PosedStageSettings()
@@ -521,8 +521,8 @@ class Garment4dSettings(Settings):
         "best",
         description=(
             "How garments move before our final step lays them on the points: with the body by "
-            "skinning, by the fast cloth solver, or, of skirts and trousers, by what is closer on "
-            "validation sequences. A change fits our model again."
+            "skinning, by the fast cloth solver, or, of all but upper garments, by what is closer "
+            "on validation sequences. A change fits our model again."
         ),
     )
     evaluation: EvaluationSettings = EvaluationSettings()

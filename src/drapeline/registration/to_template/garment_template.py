@@ -1,4 +1,4 @@
-"""Templates of Garment4D's garment types: the mesh that all garments of a type are brought to.
+"""Templates of garment types, as in Garment4D: the mesh that all garments of a type are brought to.
 
 They are made with our own generator or of a user's mesh.
 """
@@ -15,17 +15,22 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, boundary_loops, triangulate
 from drapeline.outfits.distributions import OutfitRanges
-from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
 from drapeline.outfits.generate import make_outfit
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment
 from drapeline.storage import load_record, save_record
 
-# The openings of each type, in the order of their numbers.
+# The openings of each type, in the order of their numbers. Cuffs are where sleeves end, or armholes
+# where there are none. The edge of a jacket runs along hem, front and neck.
 LOOP_NAMES = {
-    "Skirt": ("waist", "hem"),
     "Tshirt": ("neck", "hem", "left_cuff", "right_cuff"),
-    "Trousers": ("waist", "left_cuff", "right_cuff"),
+    "Top": ("neck", "hem", "left_cuff", "right_cuff"),
+    "Trousers": ("waist", "left_leg", "right_leg"),
+    "Skirt": ("waist", "hem"),
+    "Jumpsuit": ("neck", "left_cuff", "right_cuff", "left_leg", "right_leg"),
+    "Dress": ("neck", "hem", "left_cuff", "right_cuff"),
+    "Jacket": ("edge", "left_cuff", "right_cuff"),
 }
 
 
@@ -37,8 +42,7 @@ class GarmentTemplate:
     vertices: Annotated[np.ndarray, "float n 3"]
     faces: Annotated[np.ndarray, "int<n * 3"]  # counter-clockwise seen from outside
     loop: Annotated[np.ndarray, "int n"]  # number of a vertex's opening, -1 within the cloth
-    # Name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
-    loop_names: tuple[str, ...]
+    loop_names: tuple[str, ...]  # of the openings, see `LOOP_NAMES`
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
@@ -65,9 +69,9 @@ def named_loops(
         names: openings of the garment's type.
 
     Returns:
-        Name -> loop. Cuffs lie furthest to either side; of the other loops the highest is the
-        waist or neck and the lowest the hem. Missing openings are left out, and surplus loops are
-        ignored.
+        Name -> loop. Legs end lowest, and cuffs lie furthest to either side; of the other loops
+        the highest is the waist or neck, the lowest the hem, and the longest a jacket's edge.
+        Missing openings are left out, and surplus loops are ignored.
     """
     rest = list(loops)
     middle = {id(loop): vertices[loop].mean(axis=0) for loop in loops}
@@ -79,12 +83,18 @@ def named_loops(
             named[name] = rest.pop(best)
 
     take("waist", 2, 1.0)
+    if "left_leg" in names and len(rest) >= 2:
+        rest.sort(key=lambda loop: middle[id(loop)][2])
+        legs, rest = rest[:2], rest[2:]
+        named["right_leg"], named["left_leg"] = sorted(legs, key=lambda loop: middle[id(loop)][0])
     if "left_cuff" in names and len(rest) >= 2:
         take("left_cuff", 0, 1.0)
         take("right_cuff", 0, -1.0)
     take("neck", 2, 1.0)
     take("hem", 2, -1.0)
-    return named
+    if "edge" in names and rest:
+        named["edge"] = max(rest, key=len)
+    return {name: named[name] for name in names if name in named}
 
 
 def make_template(
@@ -95,20 +105,20 @@ def make_template(
 ) -> GarmentTemplate:
     """Make a template with our own generator, all numbers in the middle of their ranges.
 
-    It is made on the mean female body, which all three types fit, or on the male one if there is
-    no other: a template provides the topology, and shapes come from the garments brought to it.
+    It is made on the mean female body, which all types fit, or on the male one if there is no
+    other: a template provides the topology, and shapes come from the garments brought to it.
 
     Args:
-        garment: one of `TEMPLATE_TYPES`.
+        garment: one of `GARMENTS`.
         templates, bodies: by gender.
         edge_length_m: mean edge length wanted; about 0.035 gives 600 to 1000 vertices.
 
     Raises:
-        InputError: not a type that there are templates for.
+        InputError: there is no such type.
     """
-    if garment not in TEMPLATE_TYPES:
+    if garment not in GARMENTS:
         raise InputError(
-            f"garment type '{garment}' has no template, expected one of {', '.join(TEMPLATE_TYPES)}"
+            f"there is no garment type '{garment}', expected one of {', '.join(GARMENTS)}"
         )
     gender = next(gender for gender in GENDERS if gender in templates)
     outfit = make_outfit(
@@ -128,7 +138,7 @@ def template_from_mesh(garment: str, path: str | Path, body: BodyModel) -> Garme
     """Make a template of a user's own mesh.
 
     Args:
-        garment: one of `TEMPLATE_TYPES`.
+        garment: one of `GARMENTS`.
         path: OBJ in metres, Z up, root-relative, on the body's mean shape in rest pose.
         body: the one it lies on.
 
@@ -170,7 +180,7 @@ def _middle_numbers(garment: str) -> dict[str, Any]:
         names: tuple[str, ...] = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m")
         numbers: dict[str, Any] = {name: middle[name] for name in names}
         numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
-        numbers |= {"front": "closed"}
+        numbers |= {"front": "open" if garment_type.outer else "closed"}
         if garment_type.sleeve_chance:
             names = ("drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2")
             numbers |= {name: middle[name] for name in (*names, "sleeve_offset", "sleeve_w0")}

@@ -4,7 +4,7 @@ Where the template's vertices lie on a source garment that was laid onto it tell
 the source they follow in every frame.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +34,8 @@ from drapeline.registration.to_template.template_fit import Fit, FitTarget, fit_
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, load_npz, save_npz
 
+_TABLES = "tables.npz"
+
 
 class RemeshTable(NamedTuple):
     """Places of template vertices on a garment: corners (N, 3) int32, shares (N, 3) float32."""
@@ -47,19 +49,18 @@ def remesh(cloth: np.ndarray, table: RemeshTable) -> np.ndarray:
     return (cloth[..., table.corners, :] * table.shares[..., None]).sum(axis=-2)
 
 
-def load_tables(folders: Iterable[str | Path], garment: str) -> dict[str, RemeshTable]:
-    """Remesh tables of one type's garments, by the name of their outfit or sample.
+def load_tables(folders: Iterable[str | Path]) -> dict[str, RemeshTable]:
+    """Remesh tables of garments, by the name of their outfit or sample.
 
     Args:
-        folders: written by `write_tables`.
-        garment: the type.
+        folders: written by `write_tables` for one type.
 
     Raises:
         InputError: a file is missing or a garment lacks one of the two arrays.
     """
     found = {}
     for folder in folders:
-        path = Path(folder) / f"{garment}.npz"
+        path = Path(folder) / _TABLES
         arrays = load_npz(path, {"*/corners": "int * 3", "*/shares": "float * 3"})
         for name in dict.fromkeys(key.rpartition("/")[0] for key in arrays):
             for key in RemeshTable._fields:
@@ -86,7 +87,7 @@ class Residual(NamedTuple):
     flipped_faces: int  # faces of the new surface that are turned over, see `flipped_faces`
 
 
-def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable:
+def remesh_table(fit: Fit) -> RemeshTable:
     """Find the closest place on the deformed source for each template vertex.
 
     Vertices of an opening or seam go to the source's. Where faces come out turned over, the
@@ -94,9 +95,8 @@ def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable
 
     Args:
         fit: of `fit_to_template`.
-        template: the same.
     """
-    target = template if isinstance(template, FitTarget) else FitTarget(template)
+    target = fit.target
     corners, shares = _closest(target.vertices, target.normals, fit.vertices, fit.triangles)
     # An armpit is a place to start from, too blunt for a vertex to be tied to it.
     seams = zip(target.guides, fit.guides, strict=True)
@@ -290,15 +290,17 @@ def _of_sample(folder: Path) -> list[NamedGarment]:
 def write_tables(
     folder: str | Path,
     garments: Iterable[NamedGarment],
-    templates: Mapping[str, GarmentTemplate],
+    garment: str,
+    template: GarmentTemplate,
     settings: TemplateFitSettings,
 ) -> int:
-    """Register garments and write `{type}.npz` of remesh tables, and `metrics.tsv` of residuals.
+    """Register garments and write `tables.npz` of remesh tables, and `metrics.tsv` of residuals.
 
     Args:
         folder: replaced as a whole.
-        garments: those of types without a template are ignored.
-        templates: by type.
+        garments: of which those of other types are ignored.
+        garment: the type.
+        template: of it.
 
     Returns:
         Number of garments registered.
@@ -306,23 +308,19 @@ def write_tables(
     Raises:
         InputError: names the outfit whose garment cannot be registered.
     """
-    wanted = [item for item in garments if item.garment in templates]
-    targets = {garment: FitTarget(template) for garment, template in templates.items()}
-    tables: dict[str, dict[str, np.ndarray]] = {garment: {} for garment in templates}
+    wanted, target = [one for one in garments if one.garment == garment], FitTarget(template)
+    tables: dict[str, np.ndarray] = {}
     errors: list[dict[str, Any]] = []
-    for name, garment, vertices, faces in progress(wanted, label="garments"):
-        target = targets[garment]
+    for name, _, vertices, faces in progress(wanted, label="garments"):
         try:
-            table = remesh_table(fit_to_template(vertices, faces, target, settings), target)
+            table = remesh_table(fit_to_template(vertices, faces, target, settings))
         except InputError as error:
             raise InputError(f"{name}/{garment}: {error}") from error
-        for key in RemeshTable._fields:
-            tables[garment][f"{name}/{key}"] = getattr(table, key)
-        left = residual(vertices, faces, target.template, table)
+        tables |= {f"{name}/{key}": value for key, value in table._asdict().items()}
+        left = residual(vertices, faces, template, table)
         errors += error_rows(garment, name, _measures(left))
     with atomic_folder(folder) as scratch:
-        for garment, arrays in tables.items():
-            save_npz(scratch / f"{garment}.npz", **arrays)
+        save_npz(scratch / _TABLES, **tables)
         write_errors(scratch / FILE_NAME, errors)
     return len(wanted)
 

@@ -4,6 +4,7 @@ The source garment is deformed onto the template in three steps: its openings an
 surface, and equation 3.
 """
 
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -104,6 +105,11 @@ _STIFFNESS = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
 # Distance that a turn of the normal by one radian counts for: it keeps one trouser leg off the
 # other, and a sleeve off the torso.
 _TURN_M = 0.1
+_STRAIGHT = -0.75  # cosine at an armpit beyond which there is no sleeve: the side runs on
+# Sleeveless garments are fitted to a template with sleeves of this share of their length. To whole
+# ones, cloth from the sides would be drawn out along the arms, and fold under them.
+_STUB = 0.25
+_HEM_M = 0.1  # from its lowest point up, an opening is where the way from the cuff down ends
 _ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as long
 
 
@@ -114,9 +120,9 @@ class Fit(NamedTuple):
     rest: np.ndarray  # (V, 3) float64 metres, the source itself
     triangles: np.ndarray  # (F, 3) of the source, with those that close its front
     loops: dict[str, np.ndarray]  # opening -> ordered vertex ids of the source
-    # Lines of vertex ids that were matched besides them: the seams of trousers from crotch to
-    # waist, the armpits of shirts.
+    # Lines of vertex ids that were matched besides them: armpits, and the seams from the crotch up.
     guides: list[np.ndarray]
+    target: "FitTarget"  # that it lies on
 
 
 class FitTarget:
@@ -130,6 +136,7 @@ class FitTarget:
         loops: opening -> ordered vertex ids.
         normals: (N, 3).
         guides: lines of vertex ids that are matched besides the openings.
+        sleeved: whether it has sleeves.
         points: (N + E, 3) vertices and middles of edges: garments finer than the template would
             otherwise gather about its vertices.
         boundaries: opening -> the points on it.
@@ -140,7 +147,7 @@ class FitTarget:
         self.vertices = template.vertices.astype(np.float64)
         self.normals = vertex_normals(self.vertices, template.faces)
         self.loops = named_loops(self.vertices, boundary_loops(template.faces), template.loop_names)
-        self.guides = _guides(self.vertices, template.faces, self.loops)
+        self.guides, self.sleeved = _guides(self.vertices, template.faces, self.loops)
         pairs, counts = edge_counts(template.faces)
         middles = self.vertices[pairs].mean(axis=1)
         self.points = np.concatenate([self.vertices, middles])
@@ -149,6 +156,15 @@ class FitTarget:
         self.boundaries = {
             name: self.points[number == k] for k, name in enumerate(template.loop_names)
         }
+
+    @cached_property
+    def stubbed(self) -> "FitTarget":
+        """The same with next to no sleeves."""
+        vertices = self.template.vertices.copy()
+        for armpit in vertices[[guide[0] for guide in self.guides if len(guide) == 1]]:
+            out = np.sign(armpit[0]) * vertices[:, 0] - abs(armpit[0])
+            vertices[:, 0] -= np.sign(armpit[0]) * (1 - _STUB) * np.maximum(out, 0)
+        return FitTarget(replace(self.template, vertices=vertices))
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -192,38 +208,58 @@ def fit_to_template(
             f"the garment has no {' and no '.join(missing)},"
             f" expected the openings {', '.join(names)}"
         )
-    guides = _guides(rest, triangles, loops)
+    guides, sleeved = _guides(rest, triangles, loops)
+    if target.sleeved and not sleeved:
+        target = target.stubbed
     places = _match_boundaries(rest, triangles, loops, guides, target)
     held = np.concatenate([*loops.values(), *guides])
     places = _draw_to_surface(places, triangles, held, target)
     equation = Equation3(triangles, loops, target, settings)
-    return Fit(equation.minimise(places), rest, triangles, loops, guides)
+    return Fit(equation.minimise(places), rest, triangles, loops, guides, target)
 
 
 def _guides(
     vertices: np.ndarray, triangles: np.ndarray, loops: dict[str, np.ndarray]
-) -> list[np.ndarray]:
-    """Lines of vertex ids to match besides the openings: where limbs part.
+) -> tuple[list[np.ndarray], bool]:
+    """Lines of vertex ids to match besides the openings, where limbs part; whether it has sleeves.
 
-    In shirts each armpit, a line of one vertex: the corner of the shortest way from hem to cuff.
-    In trousers the seam along the body's middle, from the crotch to the waist in front and behind.
+    Under each arm a line of one vertex, the armpit: the corner of the shortest way from the cuff
+    down. Between the legs the seam along the body's middle, from the crotch to the topmost opening
+    in front and behind.
     """
-    if "left_cuff" not in loops:
-        return []
     pairs = edges(triangles)
     length = edge_lengths(vertices, pairs)
-    if "hem" in loops:
+    guides, sleeved = [], False
+    if "left_cuff" in loops:
         graph = sp.coo_matrix((length, pairs.T), shape=(len(vertices),) * 2).tocsr()
-        paths = [_path(graph, loops["hem"], loops[c]) for c in ("left_cuff", "right_cuff")]
-        return [path[_corner(vertices[path])][None] for path in paths]
+        for side in ("left", "right"):
+            cuff = loops[f"{side}_cuff"]
+            below = np.concatenate(
+                [loops[name] for name in ("hem", "edge", f"{side}_leg") if name in loops]
+            )
+            # Of a jacket's edge, the hem.
+            below = below[vertices[below, 2] < vertices[below, 2].min() + _HEM_M]
+            path = _path(graph, below, cuff)
+            armpit = _corner(vertices[path])
+            guides.append(path[armpit][None])
+            sleeved |= _cosine(vertices[path], armpit) > _STRAIGHT
+    if "left_leg" in loops:
+        top = loops["waist" if "waist" in loops else "neck"]
+        guides += _crotch_seam(vertices, pairs, length, top)
+    return guides, sleeved
+
+
+def _crotch_seam(
+    vertices: np.ndarray, pairs: np.ndarray, length: np.ndarray, top: np.ndarray
+) -> list[np.ndarray]:
+    """Vertex ids from the crotch to an opening at the top, behind and in front."""
     aside = np.abs(vertices[pairs, 0]).mean(axis=1)
     graph = sp.coo_matrix((length * (1 + aside / _ASIDE_M), pairs.T), shape=(len(vertices),) * 2)
-    waist = loops["waist"]
-    behind = vertices[waist, 1] > vertices[waist, 1].mean()  # the body faces -Y
-    middles = [half[np.abs(vertices[half, 0]).argmin()] for half in (waist[behind], waist[~behind])]
+    behind = vertices[top, 1] > vertices[top, 1].mean()  # the body faces -Y
+    middles = [half[np.abs(vertices[half, 0]).argmin()] for half in (top[behind], top[~behind])]
     seam = _path(graph.tocsr(), *(middle[None] for middle in middles))
     crotch = _corner(vertices[seam])
-    # The last vertex of each belongs to the waist.
+    # The last vertex of each belongs to the opening.
     return [seam[crotch:0:-1], seam[crotch:-1]]
 
 
@@ -244,6 +280,13 @@ def _corner(line: np.ndarray) -> int:
     chord = gap[-1]
     away = gap - (gap @ chord / (chord @ chord))[:, None] * chord
     return int((away**2).sum(axis=1).argmax())
+
+
+def _cosine(line: np.ndarray, corner: int) -> float:
+    """Between the ways from a corner of a line (n, 3) to its ends; -1 where it is straight."""
+    ways = line[[0, -1]] - line[corner]
+    size = np.linalg.norm(ways, axis=1).prod()
+    return float(ways[0] @ ways[1] / size) if size else -1.0
 
 
 def _match_boundaries(

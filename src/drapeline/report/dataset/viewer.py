@@ -75,6 +75,18 @@ def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int 
     return _write(path, header, blob)
 
 
+def write_parts(
+    path: str | Path, title: str, lines: Sequence[str], parts: Sequence[ScenePart]
+) -> int:
+    """Write the page of some parts; those without triangles are points, other ones in every frame.
+
+    Returns:
+        Size of the page in bytes.
+    """
+    header, blob = _encode_within(parts, BYTES_MAX)
+    return _write(path, header | {"title": title, "lines": [*lines]}, blob)
+
+
 def write_side_by_side(
     path: str | Path,
     folders: Mapping[str, str | Path],

@@ -6,7 +6,7 @@ from pathlib import Path
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT4D_TYPES
 from drapeline.report.html import number
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.schema import Table
@@ -40,12 +40,12 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
     codes = MetricTable(
         sorted(names, key=lambda name: name not in coded),
         ["code_numbers"],
-        TEMPLATE_TYPES,
+        GARMENT4D_TYPES,
         across="garment",
         count="",
     )
     distances = replace(
-        codes, garments=(*TEMPLATE_TYPES, ALL), digits=dict.fromkeys(_WAYS, 2), count="Garments"
+        codes, garments=(*GARMENT4D_TYPES, ALL), digits=dict.fromkeys(_WAYS, 2), count="Garments"
     )
     write_sections(
         path,

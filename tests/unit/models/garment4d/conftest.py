@@ -56,7 +56,7 @@ def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) 
 @pytest.fixture(scope="session")
 def trained_labels(folder: Path, toy_skirts: list[GarmentSequence]) -> Path:
     """Labels of our model."""
-    return train_toy_labels(folder, "labels", [folder / "data"])
+    return train_toy_labels(folder, "labels", folder / "data")
 
 
 @pytest.fixture(scope="session")

@@ -41,7 +41,7 @@ def build(name, sequences, astray=0.0, **training):
     if name == "labels":
         stage = cls(cls.SETTINGS(**values))
         windows = LabelledClouds(
-            [sequences.data], frames=3, stride=3, sources=stage.settings.training.sources
+            sequences.data, frames=3, stride=3, sources=stage.settings.training.sources
         )
         stage.prepare(windows)
         return stage, windows

@@ -3,8 +3,10 @@
 import pytest
 import yaml
 
+from drapeline.errors import InputError
 from drapeline.models.garment4d.plan import MODEL
 from drapeline.models.garment4d.settings import MGN_VARIANTS, POSED_VARIANTS
+from drapeline.outfits.garment_types import GARMENTS
 from toys.paper import PAPER
 from toys.plans import files_of
 from toys.snakemake_run import ROOT
@@ -14,8 +16,13 @@ TYPES = ("Skirt", "Trousers")
 
 
 @pytest.fixture(scope="module")
-def plan():
-    return MODEL.plan(files_of({**TINY, "garment4d": {"garments": [*TYPES]}}))
+def files():
+    return files_of({**TINY, "garment4d": {"garments": [*TYPES]}})
+
+
+@pytest.fixture(scope="module")
+def plan(files):
+    return MODEL.plan(files)
 
 
 def folders(files):
@@ -23,17 +30,63 @@ def folders(files):
     return [file.rpartition("/garment4d/")[2] for file in files]
 
 
-def test_labels_are_trained_once_with_the_clouds_of_all_types(plan):
+def test_labels_are_trained_once_with_the_clouds_of_all_that_is_worn(plan):
     task = plan.trainings["labels"]
     assert task.run == "drapeline.models.garment4d.ours.train:train_labels"
-    assert folders(task.input["data"]) == [f"{garment}/data_surface" for garment in TYPES]
+    assert folders([task.input["data"]]) == ["labelled"]
     assert task.params["settings"]["network"]["points"] > 0
     assert len(task.checks) == len(TYPES)
     for check in task.checks:
         check()
 
 
-@pytest.mark.parametrize("garment", TYPES)
+def test_all_clouds_are_collected_without_a_fit_of_any_template(plan, files):
+    given = plan.data["labelled"].input
+    samples, clouds = (folders(given[key]) for key in ("samples", "clouds"))
+    assert len(samples) == len(clouds) == sum(len(group.shards) for group in files.moving)
+    assert {one.partition("/")[0] for one in clouds} == {"clouds_surface"}
+    assert folders(given["skinned"]) == [
+        f"skinned/{group.name}/{shard}" for group in files.resting for shard in group.shards
+    ]
+    assert given.keys() == {"samples", "clouds", "skinned", "female", "male"}
+
+
+@pytest.mark.parametrize("garment", GARMENTS)
+def test_sequences_of_a_type_need_its_own_template_where_it_is_worn(plan, files, garment):
+    for protocol in ("surface", "vertices"):
+        given = plan.data[f"{garment}/data_{protocol}"].input
+        assert folders([given["template"]]) == [f"{garment}/template.npz"]
+        fits = folders(given["fits"])
+        assert all(one.startswith(f"{garment}/fits/") for one in fits)
+        worn = {
+            f"{garment}/fits/{group.name}/{shard}"
+            for group in files.groups.values()
+            for shard, plans in group.shards.items()
+            if any(garment in planned.outfit_type.split("+") for planned in plans)
+        }
+        assert sorted(fits) == sorted(worn)
+        assert len(given["samples"]) == len(given["clouds"])
+        assert len(given["skinned"]) == len(given["outfits"])
+        # Clouds of outfits at rest follow the config's protocol.
+        assert len(given["skinned"]) + len(given["samples"]) == len(
+            [one for one in fits if protocol == "surface" or "/static/" not in one]
+        )
+
+
+def test_our_model_can_learn_every_type_and_the_paper_s_networks_those_compared(plan):
+    learning = {name.partition("/")[0] for name in plan.trainings if name.endswith("/ours")}
+    assert learning == {*GARMENTS}
+    paper_s = {name.partition("/")[0] for name in plan.trainings if name.endswith("/canonical")}
+    assert paper_s == {*TYPES}
+    for name in (*TYPES, "Dress", "Top"):
+        for check in plan.trainings[f"{name}/ours"].checks:
+            check()
+    for check in plan.trainings["Jacket/ours"].checks:
+        with pytest.raises(InputError, match="the plan has 0 sequences of a Jacket for train"):
+            check()
+
+
+@pytest.mark.parametrize("garment", [*TYPES, "Dress"])
 def test_our_model_is_fitted_with_labels_and_without_the_paper_s_networks(plan, garment):
     task = plan.trainings[f"{garment}/ours"]
     given = [file for name, file in task.input.items() if name not in ("female", "male")]
@@ -60,6 +113,19 @@ def test_both_are_evaluated_and_fitted_to_scans(plan):
     given = plan.evaluations["evaluated/scans"].task.input
     assert folders(given["ours"]) == [f"{garment}/ours" for garment in TYPES]
     assert folders(given["networks"]) == [f"{garment}/posed" for garment in TYPES]
+
+
+def test_what_is_compared_at_rest_is_registered_to_the_template_of_its_type(plan, files):
+    given = plan.evaluations["evaluated/representations"].task.input
+    for garment in TYPES:
+        assert folders([given[garment]]) == [f"{garment}/data_surface"]
+        assert folders(given[f"fits_{garment}"]) == [
+            f"{garment}/fits/{group.name}/{shard}"
+            for group in files.resting
+            for shard in group.shards
+        ]
+    told = folders(plan.figures["tabulate_garment4d"].task.input["fits"])
+    assert {fits.partition("/")[0] for fits in told} == {*TYPES}
 
 
 def departures(config):

@@ -113,7 +113,8 @@ def test_components_networks_and_our_model_give_posed_garments(fitter, shown, to
 
 def test_our_garment_is_not_simulated_since_nothing_moves(fitter, shown, ours, monkeypatch):
     wanted = fitter.fit(shown, STATE)[OURS][GARMENT]
-    ours.final_step = replace(ours.final_step, simulated=True)
+    error_m = np.full(len(ours.space.mean), 0.05)
+    ours.final_step = replace(ours.final_step, simulated_error_m=error_m)
     module = "drapeline.models.garment4d.ours.final_step"
     monkeypatch.setattr(f"{module}.simulate_proposals", None)
     found = fitter.fit(shown, STATE)[OURS][GARMENT]

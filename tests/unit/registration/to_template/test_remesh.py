@@ -42,27 +42,36 @@ def test_template_vertices_follow_their_corners_in_every_frame():
 def folders(tmp_path):
     for number, name in enumerate(("s1", "s2")):
         arrays = {f"{name}/{key}": value for key, value in TABLE._asdict().items()}
-        save_npz(tmp_path / str(number) / "Skirt.npz", **arrays)
+        save_npz(tmp_path / str(number) / "tables.npz", **arrays)
     return [tmp_path / "0", tmp_path / "1"]
 
 
 def test_tables_of_all_folders_are_read_by_name(folders):
-    tables = load_tables(folders, "Skirt")
+    tables = load_tables(folders)
     assert set(tables) == {"s1", "s2"}
     np.testing.assert_array_equal(tables["s2"].shares, TABLE.shares)
 
 
 def test_a_table_without_shares_is_refused(folders):
-    arrays = load_npz(folders[1] / "Skirt.npz", {"*": "number ..."})
+    arrays = load_npz(folders[1] / "tables.npz", {"*": "number ..."})
     del arrays["s2/shares"]
-    save_npz(folders[1] / "Skirt.npz", **arrays)
-    with pytest.raises(InputError, match=r"1/Skirt.npz: lacks s2/shares"):
-        load_tables(folders, "Skirt")
+    save_npz(folders[1] / "tables.npz", **arrays)
+    with pytest.raises(InputError, match=r"1/tables\.npz: lacks s2/shares"):
+        load_tables(folders)
+
+
+def test_a_missing_or_damaged_file_of_tables_is_named(folders):
+    (folders[1] / "tables.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"1/tables\.npz: "):
+        load_tables(folders)
+    (folders[1] / "tables.npz").unlink()
+    with pytest.raises(InputError, match=r"1/tables\.npz: no such file"):
+        load_tables(folders)
 
 
 def test_rows_of_a_table_are_shares(template):
     vertices, triangles = round_skirt(around=40, rows=20)
-    table = remesh_table(fit_to_template(vertices, triangles, template), template)
+    table = remesh_table(fit_to_template(vertices, triangles, template))
     assert table.corners.dtype == np.int32
     assert table.shares.dtype == np.float32
     assert (table.shares >= 0).all()
@@ -71,7 +80,7 @@ def test_rows_of_a_table_are_shares(template):
 
 def test_frames_follow_affine_motions_one_by_one_or_together(template):
     vertices, triangles = round_skirt(around=40, rows=20)
-    table = remesh_table(fit_to_template(vertices, triangles, template), template)
+    table = remesh_table(fit_to_template(vertices, triangles, template))
     rng = np.random.default_rng(0)
     turn, shift = rng.normal(0, 1, (3, 3)), rng.normal(0, 1, 3)
     frames = np.stack([vertices, vertices @ turn + shift])
@@ -96,7 +105,7 @@ def test_a_folded_fit_comes_out_without_turned_faces(template):
     crumpled = fit.vertices.copy()
     patch = np.linalg.norm(crumpled - [0.2, 0, -0.25], axis=1) < 0.07
     crumpled[patch] = 2 * crumpled[patch].mean(axis=0) - crumpled[patch]
-    table = remesh_table(fit._replace(vertices=crumpled), template)
+    table = remesh_table(fit._replace(vertices=crumpled))
     assert residual(vertices, triangles, template, table).flipped_faces == 0
 
 
@@ -110,7 +119,7 @@ def test_a_vertex_that_meets_cloth_facing_away_goes_to_the_nearest_that_does_not
     lid_faces = len(sheet) + corners.reshape(-1, 3)[:, ::-1]
     cloth = np.concatenate([sheet, lid])
     triangles = np.concatenate([fit.triangles, lid_faces])
-    table = remesh_table(fit._replace(vertices=cloth, rest=cloth, triangles=triangles), template)
+    table = remesh_table(fit._replace(vertices=cloth, rest=cloth, triangles=triangles))
     np.testing.assert_allclose(remesh(cloth, table)[one], sheet[one], atol=1e-7)
 
 
@@ -127,12 +136,12 @@ def folder(tmp_path, template):
         NamedGarment("s2", "Skirt", *toy_skirt(0.2, -0.7, around=26)),
     ]
     settings = TemplateFitSettings(iterations=3)
-    assert write_tables(tmp_path / "fits", garments, {"Skirt": template}, settings) == 2
+    assert write_tables(tmp_path / "fits", garments, "Skirt", template, settings) == 2
     return tmp_path / "fits"
 
 
 def test_tables_carry_every_garment_of_a_type_and_its_residuals(folder, template):
-    tables = load_tables([folder], "Skirt")
+    tables = load_tables([folder])
     assert set(tables) == {"s1", "s2"}
     for name, radius, low, around in (("s1", 0.25, -0.4, 20), ("s2", 0.2, -0.7, 26)):
         vertices, _ = toy_skirt(radius, low, around=around)
@@ -147,6 +156,14 @@ def test_tables_carry_every_garment_of_a_type_and_its_residuals(folder, template
     assert {row["value"] for row in rows if row["metric"] == "flipped_faces"} == {"0"}
 
 
+def test_a_shard_that_nobody_wears_the_type_in_has_no_tables(tmp_path, template):
+    garments = [NamedGarment("s1", "Top", *toy_skirt(0.1, -0.4))]
+    folder = tmp_path / "fits"
+    assert write_tables(folder, garments, "Skirt", template, TemplateFitSettings()) == 0
+    assert load_tables([folder]) == {}
+    assert (folder / FILE_NAME).exists()
+
+
 def test_a_garment_without_an_opening_is_named(tmp_path, template):
     vertices, faces = toy_skirt(0.2, -0.5)
     closed = np.concatenate([faces, [[k, 0, (k + 1) % 20] for k in range(1, 19)]])
@@ -154,7 +171,8 @@ def test_a_garment_without_an_opening_is_named(tmp_path, template):
         write_tables(
             tmp_path / "fits",
             [NamedGarment("s7", "Skirt", vertices, closed)],
-            {"Skirt": template},
+            "Skirt",
+            template,
             TemplateFitSettings(),
         )
     assert not (tmp_path / "fits").exists()

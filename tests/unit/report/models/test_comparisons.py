@@ -4,7 +4,7 @@ import re
 from html import unescape
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import GARMENT4D_TYPES
 from drapeline.report.models.comparisons import write_representations, write_scans_page
 from toys.metric_rows import metric_row, metric_table
 
@@ -29,7 +29,7 @@ def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
         row("static_ppca", "Skirt", 3.5, "surface_to_true_mm" + HIGH),
         row("static_ppca", "Trousers", 77.0, split="val"),
         row("garment4d_pca", "all", 4.5),
-        *(row("static_ppca", kind, 128, "code_numbers") for kind in TEMPLATE_TYPES),
+        *(row("static_ppca", kind, 128, "code_numbers") for kind in GARMENT4D_TYPES),
         row("garment4d_pca", "Skirt", 64, "code_numbers"),
         row("garment4d_pca", "Trousers", 51, "code_numbers"),
     ]

@@ -51,8 +51,7 @@ DEFAULT_REFINING = RefineSettings()
 _SMALL_M = 1e-4
 _TINY_M = 1e-9
 _MOST_FRAMES = 20  # of a sequence, evenly spread, that a correction is made from
-# How far simulated garments are off, and the share of their accelerations that is right.
-_SIMULATED_ERROR_M, _SIMULATED_FOLLOW = 0.08, 1.0
+_SIMULATED_ERROR_M = 0.08  # of simulated proposals, where it is not measured
 _SIMULATION = SimulationSettings(attempts=1, floor=False)
 
 
@@ -76,7 +75,8 @@ class FinalStep:
     # From `evidence` to changes of alpha; None where no first guess is of garments left out.
     correction: MapRegression | None = None
     most_m: float = 0.0  # root mean square that a correction moves vertices by, at most
-    simulated: bool = False  # whether proposals are simulated rather than skinned
+    # (N,) root mean square error of simulated proposals; None where they are skinned.
+    simulated_error_m: np.ndarray | None = None
 
     def __call__(self, first: np.ndarray, seen: Seen, settings: RefineSettings) -> LaidGarment:
         """The garment in all frames, from a first guess (N, 3) of it at rest."""
@@ -103,14 +103,13 @@ class FinalStep:
         self, canonical: np.ndarray, seen: Seen
     ) -> tuple[np.ndarray, WornGarmentStatistics | None]:
         """Garments (F, N, 3) before they are moved to points, and what is known of their errors."""
-        if self.simulated:
+        if self.simulated_error_m is not None:
             found = simulate_proposals(canonical, self.space.faces, LABELS[self.label], seen)
             if found is not None:
                 shares = np.ones(1) if self.statistics is None else self.statistics.shares
-                count = len(canonical)
-                return found, WornGarmentStatistics(
-                    shares, np.full(count, _SIMULATED_ERROR_M), np.full(count, _SIMULATED_FOLLOW)
-                )
+                # All of their accelerations are meant.
+                error_m = self.simulated_error_m
+                return found, WornGarmentStatistics(shares, error_m, np.ones(len(error_m)))
         return self._skin(canonical, seen)[0], self.statistics
 
     def evidence(self, canonical: np.ndarray, seen: Seen) -> np.ndarray:
@@ -174,9 +173,11 @@ class FinalStep:
 
     def arrays(self) -> dict[str, Any]:
         """What training found, for `load_final_step`."""
-        found: dict[str, Any] = {"simulated": self.simulated}
+        found: dict[str, Any] = {}
         if self.statistics is not None:
             found |= self.statistics._asdict()
+        if self.simulated_error_m is not None:
+            found["simulated_error_m"] = self.simulated_error_m
         if self.correction is not None:
             state = self.correction.state_dict()
             found |= {f"{_CORRECTION}{name}": value.numpy() for name, value in state.items()}
@@ -187,7 +188,7 @@ class FinalStep:
 _CORRECTION = "correction_"
 # Forms of `FinalStep.arrays` in a file; `e` is the number of values of evidence.
 FINAL_STEP_FORMS = {
-    "simulated": "bool",
+    "simulated_error_m?": "float *",
     **{f"{name}?": "float *" for name in WornGarmentStatistics._fields},
     **{f"{_CORRECTION}{name}?": "float 1 e" for name in ("mean", "scale", "low", "high")},
     f"{_CORRECTION}weight?": "float e d",
@@ -212,7 +213,8 @@ def load_final_step(
         }
         correction = MapRegression(1, *state["weight"].shape)
         correction.load_state_dict(state)
-    step = FinalStep(space, label, skinning, statistics, simulated=bool(found["simulated"]))
+    error_m = found.get("simulated_error_m")
+    step = FinalStep(space, label, skinning, statistics, simulated_error_m=error_m)
     if correction is None:
         return step
     return replace(step, correction=correction, most_m=float(found["most_m"]))
@@ -243,9 +245,9 @@ def simulate_proposals(
 class Guess(NamedTuple):
     """A first guess for a training or validation sequence."""
 
+    seen: Seen  # its points, labelled by a network
     sequence: int
     alpha: np.ndarray  # (D,) of the garment at rest, by a fit without the sequence
-    labels: np.ndarray  # (F, P) of its points, as a network gives them
 
 
 def fit_final_step(
@@ -262,9 +264,9 @@ def fit_final_step(
         guesses: of training sequences of all kinds, and of simulated validation sequences. Without
             any for training, first guesses are not corrected.
         settings: of the last fit.
-        proposals: "skinned", "simulated" or "best", which is the one with the smaller M2; of
-            garments that nothing holds at the waist, it is "skinned": they slip while they get
-            from the rest pose to the first frame.
+        proposals: "skinned", "simulated" or "best", which is the one with the smaller M2; of upper
+            garments, which nothing holds, it is "skinned": they slip while they get from the rest
+            pose to the first frame.
     """
     data = sequences.data
     statistics = training_worn_statistics(sequences, skinning)
@@ -273,13 +275,21 @@ def fit_final_step(
     for guess in guesses:
         by_split[str(data.split[guess.sequence])].append(guess)
     step = _fit_correction(step, sequences, by_split["train"])
-    simulated = proposals == "simulated"
-    held = GARMENT_TYPES[LABELS[data.label]].region == "lower"
-    if proposals == "best" and held and by_split["val"]:
-        skinned_mm, simulated_mm = _errors_mm(step, sequences, by_split["val"], settings)
-        LOGGER.info("skinned proposals: %.1f mm, simulated ones: %.1f mm", skinned_mm, simulated_mm)
-        simulated = simulated_mm < skinned_mm
-    return replace(step, simulated=simulated)
+    loose = GARMENT_TYPES[LABELS[data.label]].region == "upper"
+    if proposals == "skinned" or (proposals == "best" and loose):
+        return step
+    usual = np.full(len(data.space.mean), _SIMULATED_ERROR_M)
+    simulated = replace(step, simulated_error_m=usual)
+    known = by_split["val"]
+    if not known:
+        return simulated if proposals == "simulated" else step
+    found_mm, squared = _validate(simulated, sequences, known, settings)
+    if proposals == "best":
+        skinned_mm, _ = _validate(step, sequences, known, settings)
+        LOGGER.info("skinned proposals: %.1f mm, simulated ones: %.1f mm", skinned_mm, found_mm)
+        if skinned_mm <= found_mm:
+            return step
+    return replace(simulated, simulated_error_m=np.sqrt(_with_mean(squared)))
 
 
 def _fit_correction(
@@ -291,7 +301,7 @@ def _fit_correction(
         return step
     evidence = np.stack(
         [
-            step.evidence(space.vertices(guess.alpha), sequences.seen(guess.sequence, guess.labels))
+            step.evidence(space.vertices(guess.alpha), guess.seen)
             for guess in progress(guesses, label="corrections")
         ]
     )
@@ -305,21 +315,19 @@ def _fit_correction(
     return replace(step, correction=regression, most_m=float(size_m.max()))
 
 
-def _errors_mm(
+def _validate(
     step: FinalStep, sequences: BodySequences, guesses: Sequence[Guess], settings: RefineSettings
-) -> tuple[float, float]:
-    """M2 over the sequences of guesses, with skinned and with simulated proposals."""
+) -> tuple[float, list[np.ndarray]]:
+    """M2 in mm, and (N,) mean squared errors of the proposals for each of the sequences."""
     data = sequences.data
-    ways = [replace(step, simulated=simulated) for simulated in (False, True)]
-    errors = []
+    errors, squared = [], []
     for guess in progress(guesses, label="proposals"):
-        seen = sequences.seen(guess.sequence, guess.labels)
-        canonical = step.correct(data.space.vertices(guess.alpha), seen)
+        canonical = step.correct(data.space.vertices(guess.alpha), guess.seen)
+        laid = step.lay(canonical, guess.seen, settings)
         true = data.garment[data.rows(guess.sequence)]
-        laid = (way.lay(canonical, seen, settings).final for way in ways)
-        errors.append([vertex_error_mm(final, true) for final in laid])
-    skinned_mm, simulated_mm = np.mean(errors, axis=0).tolist()
-    return skinned_mm, simulated_mm
+        errors.append(vertex_error_mm(laid.final, true))
+        squared.append(((laid.proposal - true) ** 2).sum(axis=-1).mean(axis=0))
+    return float(np.mean(errors)), squared
 
 
 def training_worn_statistics(

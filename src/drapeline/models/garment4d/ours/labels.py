@@ -1,25 +1,25 @@
 """Labels of points: one network that tells the garments of all types from skin, and each other.
 
-Points also say where on the known body they are. Half of the training windows say so of a body that
-is off, since a body that was estimated is. B windows of T clouds of P points, L labels.
+Points also say where on the known body they are. Half of the training windows are worse than
+simulated clouds are: with noise, holes or few cameras, and on a body that is off, since a body that
+was estimated is. B windows of T clouds of P points, L labels.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import nn
 
-from drapeline.dataset.windows import window_starts
-from drapeline.learning_data.sequences import SequenceData
+from drapeline.learning_data.sequences import CloudData
 from drapeline.models.garment4d.canonical import Segmentation, as_level
 from drapeline.models.garment4d.data import SequenceWindows, spread_rows
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.ours.body_maps import body_map, map_cells
 from drapeline.models.garment4d.settings import LabelStageSettings, SegmentationSettings
-from drapeline.models.garment4d.stages import Stage, window_keys
+from drapeline.models.garment4d.stages import Stage
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory, gather_rows
 from drapeline.models.training.batches import Batch
@@ -101,7 +101,7 @@ class LabelStage(Stage):
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Cross-entropy, and the share of wrong labels."""
         # Points are the same in every epoch.
-        searches = self._memory.of(window_keys(batch)) if self.training else SEARCH_ANEW
+        searches = self._memory.of(batch["window"].tolist()) if self.training else SEARCH_ANEW
         logits = self.network(batch["points"], batch["on_body"], batch["heights"], searches)
         labels = batch["labels"]
         of_points = F.cross_entropy(
@@ -151,101 +151,63 @@ def _split(outfit_type: str) -> list[str]:
 
 
 class LabelledClouds:
-    """Windows of clouds as rows to train on, each sequence once, whatever types it is data of.
+    """Windows of clouds as rows to train on.
 
-    All windows come twice: with the body, and with one that is off.
+    All windows come twice: as they are, and worse, on a body that is off.
 
     Args:
-        data: of the types.
+        data: of all garments.
         frames: T.
         stride: from one training window to the next; validation windows do not overlap.
         sources: of training sequences.
     """
 
     def __init__(
-        self, data: Sequence[SequenceData], *, frames: int, stride: int, sources: Sequence[str]
+        self, data: CloudData, *, frames: int, stride: int, sources: Sequence[str]
     ) -> None:
-        self._frames = frames
-        self._sequences: list[_Clouds] = []
-        windows: dict[str, list[tuple[int, int]]] = {"train": [], "val": []}
-        for name, clouds in _every_sequence(data, sources).items():
-            count = len(clouds.labels)
-            if clouds.split == "train":
-                starts = window_starts(count, frames, stride, name)
-            else:
-                starts = window_starts(count, frames, frames, name)
-                starts = spread_rows(np.array(starts), _MOST_VALIDATED).tolist()
-            windows[clouds.split] += [(len(self._sequences), start) for start in starts]
-            self._sequences.append(clouds)
-        # Sequence, first frame and whether the body is exact.
-        both = [(*one, exact) for split in windows for one in windows[split] for exact in (1, 0)]
-        self._windows = np.array(both, dtype=np.int64).reshape(-1, 3)
-        trained = 2 * len(windows["train"])
+        self._data, self._frames, self._sources = data, frames, sources
+        train = data.windows("train", frames, stride, sources)
+        val = data.windows("val", frames, frames)
+        few = [spread_rows(val[val[:, 0] == one], _MOST_VALIDATED) for one in np.unique(val[:, 0])]
+        windows = np.concatenate([train, *few])
+        # Sequence, first frame and whether it is worse.
+        worse = np.tile([0, 1], len(windows))
+        self._windows = np.column_stack([np.repeat(windows, 2, axis=0), worse])
         self._rows = {
-            "train": np.arange(trained),
-            "val": np.arange(trained, len(self._windows)),
+            "train": np.arange(2 * len(train)),
+            "val": np.arange(2 * len(train), len(worse)),
         }
+        self._heights = {
+            int(one): tuple(map_heights(each[data.rows(one)]) for each in self._places)
+            for one in np.unique(windows[:, 0])
+        }
+
+    @property
+    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._data.on_body, self._data.on_worse_body
 
     def rows(self, split: str) -> np.ndarray:
         """Rows of "train" or "val"."""
         return self._rows[split]
 
     def batch(self, rows: np.ndarray) -> Batch:
-        """Windows (B,): what the network is given, `labels`, `names`, `sequence` and `start`."""
-        windows = self._windows[rows]
-        parts = [
-            (self._sequences[number], slice(start, start + self._frames), exact)
-            for number, start, exact in windows.tolist()
-        ]
+        """Windows (B,): what the network is given, `labels`, `names`, and the rows as `window`."""
+        data = self._data
+        points, labels = (data.points, data.worse_points), (data.labels, data.worse_labels)
+        parts, names = [], []
+        for sequence, start, worse in self._windows[rows].tolist():
+            first = int(data.start[sequence]) + start
+            parts.append((sequence, slice(first, first + self._frames), worse))
+            names.append(f"{data.name[sequence]}/{start}")
         return {
-            "points": np.stack([one.points[span] for one, span, _ in parts]),
-            "on_body": np.stack(
-                [(one.on_body if exact else one.on_inexact)[span] for one, span, exact in parts]
-            ),
-            "heights": np.stack([one.heights[1 - exact] for one, _, exact in parts]),
-            "labels": np.stack([one.labels[span] for one, span, _ in parts]).astype(np.int64),
-            "names": [f"{one.name}/{span.start}" for one, span, _ in parts],
-            "sequence": windows[:, 0],
-            "start": windows[:, 1],
+            "points": np.stack([points[worse][span] for _, span, worse in parts]),
+            "on_body": np.stack([self._places[worse][span] for _, span, worse in parts]),
+            "heights": np.stack([self._heights[sequence][worse] for sequence, _, worse in parts]),
+            "labels": np.stack([labels[worse][span] for _, span, worse in parts]).astype(np.int64),
+            "names": names,
+            "window": rows,
         }
 
     def label_share(self) -> np.ndarray:
         """(L,) of the training points that have each label."""
-        trained = [one.label_count for one in self._sequences if one.split == "train"]
-        count = sum(trained, start=np.zeros(len(LABELS)))
-        return count / max(count.sum(), 1)
-
-
-class _Clouds(NamedTuple):
-    """Of one sequence, memory-mapped."""
-
-    name: str
-    split: str
-    points: np.ndarray  # (F, P, 3)
-    on_body: np.ndarray  # (F, P, 4)
-    on_inexact: np.ndarray  # (F, P, 4)
-    labels: np.ndarray  # (F, P)
-    label_count: np.ndarray  # (L,) of its points
-    heights: tuple[np.ndarray, np.ndarray]  # `map_heights` on both bodies
-
-
-def _every_sequence(data: Sequence[SequenceData], sources: Sequence[str]) -> dict[str, _Clouds]:
-    """By name; for training those of some sources, and of the validation split those of any."""
-    found: dict[str, _Clouds] = {}
-    for one in data:
-        chosen = [*one.of_split("train", sources), *one.of_split("val")]
-        for sequence in chosen:
-            name, rows = str(one.name[sequence]), one.rows(sequence)
-            if name not in found:
-                on_body, inexact = one.on_body[rows], one.on_inexact_body[rows]
-                found[name] = _Clouds(
-                    name,
-                    str(one.split[sequence]),
-                    one.points[rows],
-                    on_body,
-                    inexact,
-                    one.labels[rows],
-                    one.count_labels(sequence),
-                    (map_heights(on_body), map_heights(inexact)),
-                )
-    return found
+        return self._data.label_share("train", self._sources)

@@ -49,7 +49,6 @@ from drapeline.storage import load_npz, save_npz
 
 CHECKPOINT_TYPE = "garment4d_ours"
 _FINAL_STEP = "final_step.npz"
-_THINNED = (1, 2, 4)  # maps are fitted to every point, every second and every fourth one
 _CHOSEN_ON = 8  # validation sequences that the final step's proposals are chosen on
 
 
@@ -219,50 +218,59 @@ def _build_guesser(metadata: Mapping[str, Any]) -> Guesser:
     return Guesser(labels, space_of(metadata), metadata["label"])
 
 
-def fit_regression(guesser: Guesser, data: SequenceData) -> dict[int, np.ndarray]:
+def fit_regression(guesser: Guesser, data: SequenceData) -> dict[tuple[int, bool], np.ndarray]:
     """Fit the regression to the windows of training sequences with their true labels.
 
     Returns:
-        Training sequence -> (D,) its estimate by a fit without it: as wrong as estimates for new
-        garments will be. None, and a warning in the log, if there is only one.
+        Training sequence, and whether its clouds are the worse ones -> (D,) its estimate by a fit
+        without the sequence: as wrong as estimates for new garments will be. None, and a warning
+        in the log, if there is only one sequence.
     """
     windows = data.windows("train", guesser.frames, guesser.frames)
     if len(np.unique(windows[:, 0])) < 2:
         LOGGER.warning("only one training sequence: all first guesses are the mean garment")
         return {}
-    maps, owners, complete = [], [], []
+    clouds = ((data.on_body, data.labels), (data.on_worse_body, data.worse_labels))
+    maps: list[torch.Tensor] = []
+    # Sequence of each map, whether its cloud is worse, and every how many points of it count.
+    kinds: list[tuple[int, int, int]] = []
     for sequence, start in progress(windows.tolist(), label="maps"):
-        rows = slice(data.start[sequence] + start, data.start[sequence] + start + guesser.frames)
-        on_body = torch.from_numpy(np.array(data.on_body[rows]))[None]
-        chosen = torch.from_numpy(data.labels[rows] == data.label)[None]
-        for step in _THINNED:
-            maps.append(garment_maps(on_body[:, :, ::step], chosen[:, :, ::step]))
-            owners.append(sequence)
-            complete.append(step == 1)
-    owner = np.array(owners)
+        first = int(data.start[sequence]) + start
+        rows = slice(first, first + guesser.frames)
+        for worse, step in ((False, 1), (False, 2), (False, 4), (True, 1)):
+            places, labels = (each[rows, ::step] for each in clouds[worse])
+            on_body = torch.from_numpy(np.array(places))
+            chosen = torch.from_numpy(labels == data.label)
+            maps.append(garment_maps(on_body[None], chosen[None]))
+            kinds.append((sequence, worse, step))
+    owner, worse_maps, steps = np.array(kinds).T
     predictions, error = guesser.regression.fit(
-        torch.cat(maps).numpy(), data.coefficients[owner], owners, data.space.metric()
+        torch.cat(maps).numpy(), data.coefficients[owner], owner.tolist(), data.space.metric()
     )
     LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
     return {
-        int(sequence): predictions[(owner == sequence) & complete].mean(axis=0)
+        (int(sequence), worse): predictions[
+            (owner == sequence) & (worse_maps == worse) & (steps == 1)
+        ].mean(axis=0)
         for sequence in np.unique(owner)
+        for worse in (False, True)
     }
 
 
 def guess_all(
-    guesser: Guesser, sequences: BodySequences, known: Mapping[int, np.ndarray]
+    guesser: Guesser, sequences: BodySequences, known: Mapping[tuple[int, bool], np.ndarray]
 ) -> Iterator[Guess]:
     """First guesses that the final step is fitted to.
 
     Args:
-        known: training sequence -> coefficients by a fit without it.
+        known: of `fit_regression`.
     """
     data = sequences.data
-    validated = spread_rows(data.of_split("val", (SIMULATED,)), _CHOSEN_ON)
-    for sequence in [*known, *validated.tolist()]:
-        found = guesser.guess(sequences.seen(sequence))
-        alpha = known.get(sequence)
-        if alpha is None:
-            alpha = data.space.coefficients(found.canonical)
-        yield Guess(sequence, alpha, found.labels)
+    for (sequence, worse), alpha in known.items():
+        seen = sequences.seen(sequence, worse=worse)
+        yield Guess(seen._replace(labels=guesser.label_points(seen)), sequence, alpha)
+    for sequence in spread_rows(data.of_split("val", (SIMULATED,)), _CHOSEN_ON).tolist():
+        seen = sequences.seen(sequence)
+        found = guesser.guess(seen)
+        alpha = data.space.coefficients(found.canonical)
+        yield Guess(seen._replace(labels=found.labels), sequence, alpha)

@@ -4,7 +4,7 @@ import torch
 
 from drapeline.bodies.model import load_bodies
 from drapeline.job import Job
-from drapeline.learning_data.sequences import SequenceData
+from drapeline.learning_data.sequences import CloudData, SequenceData
 from drapeline.models.garment4d.data import BodySequences, BodySet
 from drapeline.models.garment4d.ours.final_step import fit_final_step
 from drapeline.models.garment4d.ours.labels import LabelledClouds, LabelStage
@@ -25,10 +25,10 @@ from drapeline.storage import atomic_folder
 
 
 def train_labels(job: Job) -> None:
-    """Labels of points, from the clouds of all types."""
+    """Labels of points, from the clouds of all garments."""
     run = TrainingRun.of(job)
     torch.set_num_threads(run.threads)
-    data = [SequenceData(folder) for folder in job.input.data]
+    data = CloudData(job.input.data)
     stage = LabelStage(LabelStageSettings(**job.params.settings))
     training = stage.settings.training
     clouds = LabelledClouds(
@@ -42,7 +42,7 @@ def train_labels(job: Job) -> None:
         monitor="val_total",
         settings={
             **stage.settings.plain(),
-            "data": [arrays_digest(one.arrays()) for one in data],
+            "data": arrays_digest(data.arrays()),
         },
     )
 

@@ -8,16 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from PIL import Image, ImageDraw
 
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.job import Job
 from drapeline.metrics.garment4d import COMPARED, MODEL
 from drapeline.metrics.predictions import Reconstruction, first_reconstructions, load_reconstruction
 from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.sequence import vertex_errors_mm
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import BODY, LABELS, TABLE_TYPES
 from drapeline.registration.to_template.garment_space import GarmentSpace, load_space
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.pictures import (
@@ -29,6 +31,7 @@ from drapeline.rendering.pictures import (
 )
 from drapeline.rendering.raytracer import ColouredMesh, ray_share
 from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY, garment_colour
+from drapeline.report.dataset.viewer import write_parts
 from drapeline.report.models.scene import (
     Scene,
     cloud_parts,
@@ -120,6 +123,37 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1
         shown = [scene.picture(each, _MOVING_SIZE, samples=8) for each in parts]
         pictures.append(join_pictures(shown, columns[: len(shown)]))
     save_animation(path, pictures, frame_ms)
+
+
+def write_page(path: str | Path, case: Reconstruction) -> None:
+    """Write the result over its points as a page to turn and play; the person walks on the spot."""
+    label, count = LABELS.index(case.garment), len(case.final)
+
+    def part(
+        name: str, colour: tuple[float, float, float], frames: np.ndarray, faces: np.ndarray
+    ) -> ScenePart:
+        raised = frames + [0, 0, 1] * case.root_height[:, None, None]
+        mesh = Mesh(raised[0], faces)
+        return ScenePart(name, mesh, colour, lambda start, stop: raised[start:stop], count)
+
+    def points(own: np.ndarray) -> np.ndarray:
+        """As many of some points (F, P) in every frame, repeated where there are fewer."""
+        most = max(int(own.sum(axis=1).max()), 1)
+        chosen = [np.flatnonzero(each) if each.any() else np.zeros(1, int) for each in own]
+        return np.stack([case.points[f, np.resize(ids, most)] for f, ids in enumerate(chosen)])
+
+    none, its = np.zeros((0, 3), dtype=np.int32), case.labels == label
+    write_parts(
+        path,
+        case.name,
+        [f"{case.garment} reconstructed from {case.points.shape[1]} points in each frame"],
+        [
+            part(BODY, BODY_COLOUR, case.body, case.body_faces),
+            part(case.garment, PLAIN_COLOUR, case.final, case.faces),
+            part("Points taken for it", to_rgb(GARMENT_COLOURS[case.garment]), points(its), none),
+            part("Other points", to_rgb(QUIET), points(~its), none),
+        ],
+    )
 
 
 def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list[GridCell | None]:
@@ -346,7 +380,7 @@ def plot_neighbour_curve(path: str | Path, measured: Table) -> None:
     with saved_figure(path, 9.0, 3.4, columns=2) as (_, axes):
         for panel, name in zip(axes, ("vertex_error_mm", "inference_s_per_frame"), strict=True):
             drawn = []
-            for garment in TEMPLATE_TYPES:
+            for garment in TABLE_TYPES:
                 found = curve(measured, "neighbours", garment, name)
                 if len(found):
                     _draw_curve(panel, found, GARMENT_COLOURS[garment], garment)
@@ -379,7 +413,7 @@ def plot_worse(path: str | Path, measured: Table, kind: str) -> None:
     label, whole = _WORSE[kind]
     shown = [
         garment
-        for garment in TEMPLATE_TYPES
+        for garment in TABLE_TYPES
         if any(len(_worse_curve(measured, name, kind, garment, whole)) for name in COMPARED)
     ]
     with saved_figure(path, 9.0, 3.4, columns=max(len(shown), 1)) as (_, axes):

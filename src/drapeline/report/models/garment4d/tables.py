@@ -8,7 +8,7 @@ import pandas as pd
 
 from drapeline.job import Job
 from drapeline.metrics.garment4d import COMPARED, DEGRADED, MODEL
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import TABLE_TYPES
 from drapeline.registration.error_table import FILE_NAME
 from drapeline.report.html import Cell, number
 from drapeline.report.registration_table import ERRORS, errors_by_type, summarise_errors
@@ -31,8 +31,8 @@ _CANONICAL = (
 )
 _LABELS = ("one_label", "label_by_vertex", "canonical", "ours")
 _POSED = ("lbs", "untrained", "mgn", "posed", "ours_proposals", "ours")
-_ORACLES = ("ours_true_labels", "ours_true_rest")
-_MOVING = ("still", *_POSED)
+_ORACLES = (*("ours_true_labels", "ours_true_rest", "again_rest_shape", "again_other_solver"),)
+_MOVING = ("still", *_POSED, "again_rest_shape", "again_other_solver")
 _CONTACT = ("truth", *_POSED)
 _ABLATIONS = (
     *("posed", "no_body_encoder", "no_transformer", "released_loss", "pulled"),
@@ -101,7 +101,7 @@ _PRINTED_ABLATIONS = (
     ("With weights of the nearest body vertex", "+7.1", "-"),
 )
 _by_type = partial(
-    MetricTable, garments=TEMPLATE_TYPES, across="garment", count="Sequences", paper=PAPER
+    MetricTable, garments=TABLE_TYPES, across="garment", count="Sequences", paper=PAPER
 )
 _SECTIONS = (
     Section(
@@ -149,6 +149,20 @@ _SECTIONS = (
         _by_type(_MOVING, ["acceleration_error_m_s2"], printed=_PRINTED["4"]),
     ),
     Section(
+        "Motion, as a share of the true one's",
+        MetricTable(
+            (*_POSED, *_ORACLES),
+            ("slow_motion", "quick_motion", "fast_motion"),
+            TABLE_TYPES,
+            down=("garment", "variant"),
+            best=False,
+            count="Sequences",
+        ),
+        "Root mean square of velocities in bands of frequency, relative to the root joint: 1 is as"
+        " much as the true garment moves. Less in the upper bands is cloth that folds too little,"
+        " more is cloth that shakes.",
+    ),
+    Section(
         "By cloth solver",
         MetricTable(
             ("mean_garment", "pointnet", "canonical", "regression", *_MOVING),
@@ -156,7 +170,7 @@ _SECTIONS = (
                 *("canonical_error_mm", "vertex_error_mm", "predicted_to_true_mm"),
                 "acceleration_error_m_s2",
             ),
-            TEMPLATE_TYPES,
+            TABLE_TYPES,
             across="source",
             best=False,
             count="Sequences",
@@ -177,7 +191,7 @@ _SECTIONS = (
         MetricTable(
             _CONTACT,
             ("inside_share", "inside_1cm_share", "inside_depth_mm"),
-            TEMPLATE_TYPES,
+            TABLE_TYPES,
             down=("garment", "variant"),
             count="Sequences",
         ),

@@ -88,16 +88,13 @@ def guesses(data, sequences):
         for sequence in data.of_split(split).tolist():
             off = np.zeros_like(data.coefficients[sequence])
             off[0] = rng.normal()
-            yield Guess(
-                sequence,
-                data.coefficients[sequence] + off,
-                data.labels[data.rows(sequence)],
-            )
+            alpha = data.coefficients[sequence] + off
+            yield Guess(seen(sequences, sequence), sequence, alpha)
 
 
 def test_what_training_found_comes_back(sequences, data, tmp_path):
     step = fit_final_step(sequences, SKINNING, guesses(data, sequences), SETTINGS, "skinned")
-    assert not step.simulated
+    assert step.simulated_error_m is None
     save_npz(tmp_path / "step.npz", **step.arrays())
     found = load_npz(tmp_path / "step.npz", FINAL_STEP_FORMS)
     again = load_final_step(found, data.space, data.label, SKINNING)
@@ -138,6 +135,24 @@ def test_a_correction_is_no_larger_than_errors_of_first_guesses_were(sequences, 
     assert step.most_m == pytest.approx(largest, rel=0.05)
 
 
+def test_simulated_proposals_count_for_as_much_as_they_were_right_in_validation(
+    sequences, data, tmp_path, monkeypatch
+):
+    validated = iter(data.of_split("val").tolist())
+
+    def three_centimetres_off(*_):
+        return data.garment[data.rows(next(validated))] + np.float32([0, 0.03, 0])
+
+    module = "drapeline.models.garment4d.ours.final_step"
+    monkeypatch.setattr(f"{module}.simulate_proposals", three_centimetres_off)
+    step = fit_final_step(sequences, SKINNING, guesses(data, sequences), SETTINGS, "simulated")
+    np.testing.assert_allclose(step.simulated_error_m, 0.03, rtol=1e-4)
+    save_npz(tmp_path / "step.npz", **step.arrays())
+    found = load_npz(tmp_path / "step.npz", FINAL_STEP_FORMS)
+    again = load_final_step(found, data.space, data.label, SKINNING)
+    np.testing.assert_array_equal(again.simulated_error_m, step.simulated_error_m)
+
+
 def test_without_simulated_training_sequences_there_are_no_statistics(sequences, data, tmp_path):
     data.source = np.full_like(data.source, "skinned")
     step = fit_final_step(sequences, SKINNING, [], SETTINGS, "skinned")
@@ -150,7 +165,7 @@ def test_without_simulated_training_sequences_there_are_no_statistics(sequences,
 def test_without_first_guesses_nothing_is_corrected(sequences, data):
     step = fit_final_step(sequences, SKINNING, [], SETTINGS, "best")
     assert step.correction is None
-    assert not step.simulated
+    assert step.simulated_error_m is None
     given = seen(sequences, int(data.of_split("test")[0]))
     np.testing.assert_array_equal(step.correct(data.space.mean, given), data.space.mean)
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.learning_data.sequences import SequenceData, collect_sequences
+from drapeline.learning_data.sequences import CloudData
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.ours.body_maps import body_map
 from drapeline.models.garment4d.ours.labels import (
@@ -18,13 +18,13 @@ from drapeline.models.garment4d.ours.labels import (
     map_heights,
 )
 from drapeline.models.garment4d.settings import LabelStageSettings
-from drapeline.models.garment4d.stages import CanonicalStage, load_stage, window_keys
+from drapeline.models.garment4d.stages import CanonicalStage, load_stage
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENT_TYPES, LABELS
 from drapeline.seeding import rng_for
-from toys.garment4d import LABELLING, skirt_faces, toy_bodies, toy_sequence, toy_sequences
+from toys.garment4d import LABELLING, save_toy_tops
 from toys.garment4d_stages import train_toy_labels
 from toys.histories import column
 
@@ -169,19 +169,10 @@ def test_skin_and_the_garment_itself_are_always_possible(garment):
 
 
 @pytest.fixture
-def two_types(sequences, toy_body, tmp_path):
-    """Skirts, and trousers that some of the same people wear, and one who wears no skirt."""
-    other = toy_sequence(toy_body, 20, frames=5, source="blender", split="train")
-    worn = [*toy_sequences(toy_body)[4:], other]
-    folder = tmp_path / "trousers"
-    collect_sequences(folder, "Trousers", worn, skirt_faces(), 3, toy_bodies(toy_body))
-    return [sequences.data, SequenceData(folder)]
-
-
-def every_row(labelled):
-    """All rows of training and of validation, as one batch."""
-    rows = np.concatenate([labelled.rows("train"), labelled.rows("val")])
-    return labelled.batch(rows)
+def everyone(toy_body, tmp_path):
+    """Clouds of people in skirts, and of one who wears none."""
+    save_toy_tops(tmp_path / "labelled", toy_body)
+    return CloudData(tmp_path / "labelled")
 
 
 def names_of(batch):
@@ -189,48 +180,64 @@ def names_of(batch):
     return [name.partition("/")[0] for name in batch["names"]]
 
 
-def test_each_sequence_is_there_once_though_two_types_have_it(two_types):
-    labelled = LabelledClouds(two_types, frames=3, stride=3, sources=BOTH)
+def windows_of(labelled, data, split):
+    """Sequence, rows of the data, and row in the batch as it is and worse, of each window."""
+    batch = labelled.batch(labelled.rows(split))
+    for row in range(0, len(batch["names"]), 2):
+        sequence = data.name.tolist().index(names_of(batch)[row])
+        own = data.rows(sequence)
+        frames = batch["points"].shape[1]
+        (first,) = [
+            first
+            for first in range(own.start, own.stop - frames + 1)
+            if np.array_equal(data.points[first : first + frames], batch["points"][row])
+        ]
+        yield sequence, slice(first, first + frames), row
+
+
+@pytest.mark.parametrize("split", ["train", "val"])
+def test_every_window_is_there_as_it_is_and_worse(everyone, split):
+    labelled = LabelledClouds(everyone, frames=3, stride=2, sources=BOTH)
+    batch = labelled.batch(labelled.rows(split))
+    assert batch["labels"].dtype == np.int64
+    assert (batch["points"][::2] != batch["points"][1::2]).any(axis=(1, 2, 3)).all()
+    count = 0
+    for sequence, span, row in windows_of(labelled, everyone, split):
+        whole = everyone.rows(sequence)
+        for one, points, labels, places in (
+            (row, everyone.points, everyone.labels, everyone.on_body),
+            (row + 1, everyone.worse_points, everyone.worse_labels, everyone.on_worse_body),
+        ):
+            np.testing.assert_array_equal(batch["points"][one], points[span])
+            np.testing.assert_array_equal(batch["labels"][one], labels[span])
+            np.testing.assert_array_equal(batch["on_body"][one], places[span])
+            np.testing.assert_array_equal(batch["heights"][one], map_heights(places[whole]))
+            assert names_of(batch)[one] == everyone.name[sequence]
+            count += 1
+    assert count == len(labelled.rows(split)) == len(batch["names"])
+
+
+def test_windows_are_of_all_sequences_of_a_split_whatever_is_worn(everyone):
+    labelled = LabelledClouds(everyone, frames=3, stride=3, sources=BOTH)
     expected = {"train": {f"{n:05d}" for n in (0, 1, 2, 3, 4, 5, 20)}, "val": {"00006", "00007"}}
     for split, names in expected.items():
-        batch = labelled.batch(labelled.rows(split))
-        assert set(names_of(batch)) == names
-        # Once with the body, and once with one that is off.
-        found, count = np.unique(batch["names"], return_counts=True)
-        assert set(count) == {2}
-        assert len(set(window_keys(as_tensors(batch)))) == len(found)
+        assert set(names_of(labelled.batch(labelled.rows(split)))) == names
+    assert everyone.name[everyone.of_split("test")].tolist() == ["00008"]
 
 
-def test_no_window_is_of_the_test_split(two_types):
-    labelled = LabelledClouds(two_types, frames=3, stride=1, sources=BOTH)
-    assert "00008" in two_types[0].name[two_types[0].of_split("test")]
-    assert "00008" not in names_of(every_row(labelled))
+def test_rows_are_told_by_which_they_are(everyone):
+    """By which searches among their points are remembered."""
+    labelled = LabelledClouds(everyone, frames=3, stride=1, sources=BOTH)
+    train, val = (labelled.rows(split) for split in ("train", "val"))
+    assert len({*train.tolist(), *val.tolist()}) == len(train) + len(val)
+    some = train[[5, 2, 9]]
+    np.testing.assert_array_equal(labelled.batch(some)["window"], some)
+    for one, row in zip(labelled.batch(some)["points"], some, strict=True):
+        np.testing.assert_array_equal(one, labelled.batch(np.array([row]))["points"][0])
 
 
-def test_windows_hold_the_frames_with_their_places_on_the_body_and_on_an_inexact_one(two_types):
-    labelled = LabelledClouds(two_types, frames=3, stride=2, sources=BOTH)
-    batch, kinds = every_row(labelled), {}
-    assert batch["labels"].dtype == np.int64
-    for row, name in enumerate(names_of(batch)):
-        data = next(one for one in two_types if name in one.name)
-        first = data.rows(data.name.tolist().index(name)).start + batch["start"][row]
-        span = slice(first, first + 3)
-        np.testing.assert_array_equal(batch["points"][row], data.points[span])
-        np.testing.assert_array_equal(batch["labels"][row], data.labels[span])
-        exact, inexact = (
-            np.array_equal(batch["on_body"][row], places[span])
-            for places in (data.on_body, data.on_inexact_body)
-        )
-        assert exact != inexact
-        whole = data.rows(data.name.tolist().index(name))
-        places = (data.on_body if exact else data.on_inexact_body)[whole]
-        np.testing.assert_array_equal(batch["heights"][row], map_heights(places))
-        kinds.setdefault(batch["names"][row], []).append(exact)
-    assert all(sorted(of_window) == [False, True] for of_window in kinds.values())
-
-
-def test_sources_are_those_of_training_sequences(two_types):
-    labelled = LabelledClouds(two_types, frames=3, stride=3, sources=("simulated",))
+def test_sources_are_those_of_training_sequences(everyone):
+    labelled = LabelledClouds(everyone, frames=3, stride=3, sources=("simulated",))
     trained = labelled.batch(labelled.rows("train"))
     assert set(names_of(trained)) == {"00004", "00005", "00020"}
     # What is selected by is not less for it.
@@ -238,43 +245,37 @@ def test_sources_are_those_of_training_sequences(two_types):
     assert set(names_of(validated)) == {"00006", "00007"}
 
 
-def test_training_windows_are_a_stride_apart_and_validation_windows_few(two_types):
-    labelled = LabelledClouds(two_types, frames=2, stride=1, sources=BOTH)
-    trained, validated = (labelled.batch(labelled.rows(split)) for split in ("train", "val"))
+def test_training_windows_are_a_stride_apart_and_validation_windows_few(everyone):
+    labelled = LabelledClouds(everyone, frames=2, stride=1, sources=BOTH)
 
-    def starts(batch, name):
-        chosen = np.array(names_of(batch)) == name
-        return sorted(set(batch["start"][chosen].tolist()))
+    def starts(split, name):
+        wanted = everyone.name.tolist().index(name)
+        found = windows_of(labelled, everyone, split)
+        return [s.start - everyone.start[wanted] for one, s, _ in found if one == wanted]
 
-    assert starts(trained, "00004") == list(range(7))
-    assert starts(trained, "00000") == [0, 1]
+    assert starts("train", "00004") == list(range(7))
+    assert starts("train", "00000") == [0, 1]
     # Of seven frames, at 0, 2, 4 and 5, no more than three count.
-    assert len(starts(validated, "00007")) == 3
-    assert starts(validated, "00007")[::2] == [0, 5]
+    assert len(starts("val", "00007")) == 3
+    assert starts("val", "00007")[::2] == [0, 5]
 
 
-def test_a_sequence_shorter_than_a_window_is_named(two_types):
+def test_a_sequence_shorter_than_a_window_is_named(everyone):
     with pytest.raises(InputError, match="sequence 00000 has 3 frames, expected at least 4"):
-        LabelledClouds(two_types, frames=4, stride=4, sources=BOTH)
+        LabelledClouds(everyone, frames=4, stride=4, sources=BOTH)
 
 
-def test_shares_of_labels_are_those_of_the_training_points_of_each_sequence(two_types):
-    for data in two_types:
-        data.labels = np.array(data.labels)
-        for sequence, name in enumerate(data.name.tolist()):  # the same in both
-            rng = rng_for(0, "labels", name)
-            data.labels[data.rows(sequence)] = rng.integers(4, size=(1, data.labels.shape[1]))
+def test_shares_of_labels_are_those_of_the_training_points_of_the_sources(everyone):
     for sources, names in (
         (BOTH, ("00000", "00001", "00002", "00003", "00004", "00005", "00020")),
-        (("skinned",), ("00000", "00001", "00002", "00003")),
+        (("simulated",), ("00004", "00005", "00020")),
     ):
-        points = []
-        for name in names:
-            data = next(one for one in two_types if name in one.name)
-            points.append(data.labels[data.rows(data.name.tolist().index(name))].ravel())
-        labelled = LabelledClouds(two_types, frames=3, stride=3, sources=sources)
-        expected = np.bincount(np.concatenate(points), minlength=len(LABELS))
-        np.testing.assert_allclose(labelled.label_share(), expected / expected.sum())
+        rows = [everyone.rows(everyone.name.tolist().index(name)) for name in names]
+        points = np.concatenate([everyone.labels[own].ravel() for own in rows])
+        labelled = LabelledClouds(everyone, frames=3, stride=3, sources=sources)
+        expected = np.bincount(points, minlength=len(LABELS)) / len(points)
+        np.testing.assert_allclose(labelled.label_share(), expected)
+        assert labelled.label_share()[LABELS.index("Top")] > 0
 
 
 # ---- the stage --------------------------------------------------------------------------------
@@ -282,12 +283,12 @@ def test_shares_of_labels_are_those_of_the_training_points_of_each_sequence(two_
 
 @pytest.fixture
 def labelled(data):
-    return LabelledClouds([data], frames=3, stride=3, sources=BOTH)
+    return LabelledClouds(data, frames=3, stride=3, sources=BOTH)
 
 
 @pytest.fixture
 def batch(labelled):
-    """Two training windows, each with the body and with one that is off."""
+    """Two training windows, each as it is and worse."""
     return as_tensors(labelled.batch(labelled.rows("train")[8:12]))
 
 
@@ -347,19 +348,17 @@ def test_labels_are_balanced_by_their_share_of_the_training_points(labelling, la
     torch.testing.assert_close(labelling.label_weights, expected)
 
 
-def test_searches_of_earlier_epochs_are_not_repeated_and_serve_inexact_bodies_too(
-    labelling, labelled, monkeypatch
-):
-    rows = labelled.rows("train")[8:12]
-    exact, inexact = (as_tensors(labelled.batch(rows[first::2])) for first in (0, 1))
-    assert not torch.equal(exact["on_body"], inexact["on_body"])
+def test_searches_of_earlier_epochs_are_not_repeated(labelling, labelled, batch, monkeypatch):
     with torch.no_grad():
-        wanted = LabelStage.from_metadata(labelling.checkpoint_metadata()).train().losses(inexact)
-        labelling.train().losses(exact)
+        wanted = labelling.train().losses(batch)
         monkeypatch.setattr("drapeline.models.layers.point_search._launch", None)
-        found = labelling.losses(inexact)
+        # Each epoch has them in another order.
+        rows = labelled.rows("train")[8:12][::-1].copy()
+        found = labelling.losses(as_tensors(labelled.batch(rows)))
+        with pytest.raises(TypeError):  # of other windows there are none
+            labelling.losses(as_tensors(labelled.batch(labelled.rows("train")[:2])))
         with pytest.raises(TypeError):  # validation does not remember
-            labelling.eval().losses(inexact)
+            labelling.eval().losses(batch)
     torch.testing.assert_close(found[0]["total"], wanted[0]["total"])
 
 
@@ -398,28 +397,28 @@ def test_the_stage_that_is_kept_is_that_of_the_least_error_in_validation(trained
     )
 
 
-def test_two_trainings_of_several_types_end_with_the_same_weights(two_types, folder, tmp_path):
-    data = [folder / "data", tmp_path / "trousers"]
-    values = {**LABELLING, "training": {**LABELLING["training"], "epochs": 1}}
+BRIEF = {**LABELLING, "training": {**LABELLING["training"], "epochs": 1}}
+
+
+def test_two_trainings_with_all_clouds_end_with_the_same_weights(everyone, tmp_path):
     first, second = (
-        read_checkpoint(train_toy_labels(tmp_path, name, data, values) / BEST).weights
+        read_checkpoint(train_toy_labels(tmp_path, name, tmp_path / "labelled", BRIEF) / BEST)
         for name in ("first", "second")
     )
-    assert first.keys() == second.keys()
-    for key, value in first.items():
-        torch.testing.assert_close(value, second[key], msg=key)
+    assert first.weights.keys() == second.weights.keys()
+    for key, value in first.weights.items():
+        torch.testing.assert_close(value, second.weights[key], msg=key)
 
 
-def test_a_training_is_told_by_the_data_of_all_types(trained_labels, two_types, folder, tmp_path):
-    values = {**LABELLING, "training": {**LABELLING["training"], "epochs": 1}}
-    data = [folder / "data", tmp_path / "trousers"]
-    both = train_toy_labels(tmp_path, "both", data, values)
-
-    def digests(out):
+def test_a_training_is_told_by_its_clouds(trained_labels, everyone, folder, tmp_path):
+    def digest(out):
         return json.loads((out / "settings.json").read_text())["data"]
 
-    assert len(digests(both)) == 2
-    assert digests(both)[:1] == digests(trained_labels)
+    same, other = (
+        train_toy_labels(tmp_path, name, data, BRIEF)
+        for name, data in (("same", folder / "data"), ("other", tmp_path / "labelled"))
+    )
+    assert digest(same) == digest(trained_labels) != digest(other)
 
 
 def test_networks_of_other_stages_are_refused(trained_labels, trained_canonical):

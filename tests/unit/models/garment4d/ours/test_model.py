@@ -99,32 +99,38 @@ def unfitted(labelling, sequences):
     return toy_guesser(labelling, sequences)
 
 
-def test_the_regression_is_fitted_to_maps_of_all_and_of_fewer_points(unfitted, data):
+def test_the_regression_is_fitted_to_maps_of_all_of_fewer_and_of_worse_points(unfitted, data):
     known = fit_regression(unfitted, data)
-    assert sorted(known) == data.of_split("train").tolist()
-    maps, owners, thinned = [], [], []
+    train = data.of_split("train").tolist()
+    assert sorted(known) == [(sequence, worse) for sequence in train for worse in (False, True)]
+    plain, worse = (data.on_body, data.labels), (data.on_worse_body, data.worse_labels)
+    maps, owners, kinds = [], [], []
     for sequence, start in data.windows("train", 3, 3).tolist():
         rows = slice(data.start[sequence] + start, data.start[sequence] + start + 3)
-        for step in (1, 2, 4):
-            on_body = torch.from_numpy(np.array(data.on_body[rows, ::step]))
-            chosen = torch.from_numpy(data.labels[rows, ::step] == data.label)
+        for (places, labels), step in ((plain, 1), (plain, 2), (plain, 4), (worse, 1)):
+            on_body = torch.from_numpy(np.array(places[rows, ::step]))
+            chosen = torch.from_numpy(labels[rows, ::step] == data.label)
             maps.append(garment_maps(on_body[None], chosen[None])[0].numpy())
             owners.append(sequence)
-            thinned.append(step > 1)
+            kinds.append((labels is data.worse_labels, step))
     again = MapRegression(*maps[0].shape, len(data.space.components))
     left_out, _ = again.fit(np.stack(maps), data.coefficients[owners], owners, data.space.metric())
     for name in REGRESSION:
         found, expected = (getattr(each, name) for each in (unfitted.regression, again))
         torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
-    for sequence, alpha in known.items():
-        own = (np.array(owners) == sequence) & ~np.array(thinned)
+    for (sequence, is_worse), alpha in known.items():
+        own = [
+            owner == sequence and kind == (is_worse, 1)
+            for owner, kind in zip(owners, kinds, strict=True)
+        ]
         np.testing.assert_allclose(alpha, left_out[own].mean(axis=0), atol=1e-3)
 
 
 def test_a_training_sequence_is_estimated_without_itself(unfitted, sequences, data):
     """So that it is as wrong as for new garments: the fit with it knows its garment by heart."""
     known = fit_regression(unfitted, data)
-    for sequence, alpha in known.items():
+    for sequence in data.of_split("train").tolist():
+        alpha = known[sequence, False]
         seen = sequences.seen(sequence, data.labels[data.rows(sequence)])
         found = data.space.coefficients(unfitted.guess(seen).canonical)
         assert np.abs(found - alpha).max() > 1e-3
@@ -146,15 +152,17 @@ def test_with_one_training_sequence_every_guess_is_the_mean_garment(
 def test_the_final_step_is_shown_estimates_without_the_sequence_and_new_ones_in_validation(
     guesser, sequences, data
 ):
-    known = {4: np.array([1.0, 2.0]), 5: np.array([3.0, 4.0])}
+    known = {(4, False): np.array([1.0, 2.0]), (5, True): np.array([3.0, 4.0])}
     guesses = list(guess_all(guesser, sequences, known))
     # The other sequence of the validation split is moved by skinning, and has no folds.
     assert [one.sequence for one in guesses] == [4, 5, 7]
-    for one in guesses:
-        own = guesser.guess(sequences.seen(one.sequence))
-        np.testing.assert_array_equal(one.labels, own.labels)
-        if one.sequence in known:
-            np.testing.assert_array_equal(one.alpha, known[one.sequence])
+    for one, worse in zip(guesses, (False, True, False), strict=True):
+        seen = sequences.seen(one.sequence, worse=worse)
+        own = guesser.guess(seen)
+        np.testing.assert_array_equal(one.seen.points, seen.points)
+        np.testing.assert_array_equal(one.seen.labels, own.labels)
+        if (one.sequence, worse) in known:
+            np.testing.assert_array_equal(one.alpha, known[one.sequence, worse])
         else:
             np.testing.assert_allclose(one.alpha, data.space.coefficients(own.canonical), atol=1e-4)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.error_table import FILE_NAME, write_errors
 from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.remesh import NamedGarment, write_tables
@@ -123,6 +124,24 @@ def test_each_table_shows_its_metric_of_its_models(metrics, tmp_path):
     assert "<p>None.</p>" in parts["Registration to the templates"]
 
 
+def test_a_type_that_the_paper_lacks_is_shown_behind_its_types_where_it_was_measured(tmp_path):
+    title = "Table 3: posed garments, vertex error M2 (mm)"
+
+    def columns(*garments):
+        rows = [metric_row("posed", name, "vertex_error_mm", 27.0) for name in garments]
+        write_metrics(tmp_path / "metrics.tsv", metric_table(rows))
+        write_garment4d_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
+        table = sections(tmp_path / "page.html")[title]
+        return [name for name in re.findall(r"<th[^>]*>(.*?)</th>", table) if name in GARMENTS]
+
+    own = columns("Skirt")
+    assert "Dress" not in own
+    more = columns("Dress", "Skirt", "Top")
+    assert [name for name in more if name in own] == own
+    assert [name for name in more if name not in own] == ["Top", "Dress"]
+    assert more[-2:] == ["Top", "Dress"]
+
+
 def test_only_the_test_split_of_this_model_is_shown(metrics, tmp_path):
     write_garment4d_page(tmp_path / "page.html", metrics)
     text = (tmp_path / "page.html").read_text()
@@ -149,7 +168,7 @@ def test_the_papers_numbers_are_shaded_and_named_as_theirs(metrics, tmp_path):
 def test_registration_is_judged_against_its_targets(metrics, tmp_path):
     garments = [NamedGarment("a", "Skirt", *toy_skirt(0.2, -0.5))]
     write_tables(
-        tmp_path / "fits", garments, {"Skirt": toy_template()}, TemplateFitSettings(iterations=1)
+        tmp_path / "fits", garments, "Skirt", toy_template(), TemplateFitSettings(iterations=1)
     )
     rows = read_table(tmp_path / "fits" / FILE_NAME, ERRORS).to_dict("records")
     values = {

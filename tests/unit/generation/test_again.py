@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from drapeline.generation.again import change_rest_shape, simulate_again
 from drapeline.geometry.point_cache import PointCache
-from drapeline.models.gcvae.floor import change_rest_shape, simulate_again
 from drapeline.seeding import rng_for
 from drapeline.simulation.settings import SimulationSettings
 from drapeline.simulation.simulate import measure_outfit
