@@ -17,6 +17,7 @@ DEGRADED = {
     "body_noise_*": "poses off by {} mrad",
     "point_noise_*": "points off by {} mm",
     "views_*": "number of cameras: {}",
+    "frame_rate_*": "{} frames per second",
 }
 METRICS = {
     "canonical_error_mm": Metric("mm", "Canonical vertex error"),

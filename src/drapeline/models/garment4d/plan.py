@@ -288,7 +288,7 @@ class _Garment4dTasks:
                 key: []
                 for key in (
                     *("neighbours", "missing", "accuracy"),
-                    *("body_noise_rad", "point_noise_m", "views"),
+                    *("body_noise_rad", "point_noise_m", "views", "frame_rates"),
                 )
             }
             found[garment] = (self._evaluate(garment, ["posed"], few), ("metrics",))
@@ -519,6 +519,7 @@ _CURVES = {
     "body_noise": "inexact bodies",
     "point_noise": "noisy points",
     "views": "few cameras",
+    "frame_rate": "fewer frames",
 }
 
 

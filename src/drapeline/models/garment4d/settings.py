@@ -438,13 +438,16 @@ class EvaluationSettings(Settings):
     views: Annotated[tuple[Annotated[int, Field(ge=1, le=64)], ...], EachOnce()] = Field(
         (1, 2), description="Numbers of cameras around the person that see the points."
     )
+    frame_rates: Annotated[tuple[Literal[15, 10, 6, 5, 3], ...], EachOnce()] = Field(
+        (15,), description="Frames that are given of every second, instead of all 30."
+    )
     seed: SkipJsonSchema[int] = Field(0, description="Seed of holes, labels, noise and intervals.")
 
     @property
     def degrades(self) -> bool:
         """Whether anything is measured with worse inputs."""
-        kinds = (self.missing, self.accuracy, self.body_noise_rad, self.point_noise_m, self.views)
-        return any(kinds)
+        noise = self.body_noise_rad, self.point_noise_m
+        return any((self.missing, self.accuracy, *noise, self.views, self.frame_rates))
 
 
 class Template(Settings):

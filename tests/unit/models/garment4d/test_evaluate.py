@@ -29,7 +29,11 @@ from toys.metric_rows import find_value
 
 COUNTED = 10  # every so many frames of the training sequences
 NOTHING_WORSE = dict.fromkeys(
-    ("neighbours", "missing", "accuracy", "body_noise_rad", "point_noise_m", "views"), ()
+    (
+        *("neighbours", "missing", "accuracy", "body_noise_rad", "point_noise_m", "views"),
+        "frame_rates",
+    ),
+    (),
 )
 
 

@@ -7,14 +7,19 @@ from drapeline.models.garment4d.robustness import UNDEGRADED, degraded
 from drapeline.models.garment4d.settings import EvaluationSettings
 
 SETTINGS = EvaluationSettings(
-    missing=(0.5,), accuracy=(0.7,), body_noise_rad=(0.05, 0.1), point_noise_m=(0.01,), views=(1,)
+    missing=(0.5,),
+    accuracy=(0.7,),
+    body_noise_rad=(0.05, 0.1),
+    point_noise_m=(0.01,),
+    views=(1,),
+    frame_rates=(),
 )
 
 
 @pytest.fixture
 def found(sequences):
     sequence = int(sequences.data.of_split("test")[0])
-    return dict(degraded(sequences, sequence, SETTINGS)), sequence
+    return {one.name: one.seen for one in degraded(sequences, sequence, SETTINGS)}, sequence
 
 
 def test_one_kind_of_input_is_worse_at_a_time(found, sequences):
@@ -35,6 +40,18 @@ def test_one_kind_of_input_is_worse_at_a_time(found, sequences):
         assert [key for key, value in same.items() if not value] == ([worse] if worse else [])
         assert seen.points.shape == plain.points.shape
         assert seen.points.dtype == np.float32
+
+
+def test_fewer_frames_are_those_at_even_steps(sequences):
+    sequence = int(sequences.data.of_split("test")[0])
+    plain = sequences.seen(sequence)
+    settings = SETTINGS.replace(frame_rates=(15, 10))
+    *_, half, third = degraded(sequences, sequence, settings)
+    for one, name, step in ((half, "frame_rate_15", 2), (third, "frame_rate_10", 3)):
+        assert (one.name, one.step) == (name, step)
+        np.testing.assert_array_equal(one.seen.points, plain.points[::step])
+        np.testing.assert_array_equal(one.seen.poses, plain.poses[::step])
+        np.testing.assert_array_equal(one.seen.trans, plain.trans[::step])
 
 
 def test_labels_are_right_as_often_as_asked(found, sequences):

@@ -404,6 +404,7 @@ _WORSE: dict[str, tuple[str, float | None]] = {
     "body_noise": ("Noise on poses (mrad)", 0.0),
     "point_noise": ("Noise on points (mm)", 0.0),
     "views": ("Cameras around the person", None),
+    "frame_rate": ("Frames per second", 30.0),
 }
 _MODEL_COLOURS = {"lbs": _BASELINE, "mgn": SKY, "posed": BLUE, "ours": GREEN}
 

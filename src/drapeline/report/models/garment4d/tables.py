@@ -223,7 +223,7 @@ _SECTIONS = (
         " for every K, even K = 1.",
     ),
     Section(
-        "Holes, wrong labels (figures 9 and 10), inexact bodies, noise and few views: M2 (mm)",
+        "Holes, wrong labels (figures 9 and 10), other worse inputs: M2 (mm)",
         _by_type(_WORSE, ["vertex_error_mm"], best=False),
         "On some of the sequences, which the first rows show as they are. Poses are off by the same"
         " in all frames, and shapes are off as well.",

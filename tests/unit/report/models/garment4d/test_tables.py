@@ -104,7 +104,7 @@ def test_each_table_shows_its_metric_of_its_models(metrics, tmp_path):
         *("44.4", "95.3", "97.5"),
     ]
     assert first("Time per frame (ms)") == [["Garment4D, posed stage", "4.2"]]
-    worse = "Holes, wrong labels (figures 9 and 10), inexact bodies, noise and few views: M2 (mm)"
+    worse = "Holes, wrong labels (figures 9 and 10), other worse inputs: M2 (mm)"
     assert first(worse) == [
         ["Garment4D, posed stage, the same sequences as they are", "28.0"],
         ["Garment4D, posed stage, poses off by 50 mrad", "33.0"],
