@@ -5,6 +5,7 @@ F frames, P points, N vertices and D components of a type's template.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -227,7 +228,7 @@ def reconstruct_scans(
 
     Args:
         scans: with the body.
-        name: of the scans, for errors and pictures.
+        name: of the scans' file or folder, for errors and pictures.
 
     Raises:
         InputError: see `ReconstructionModel.reconstruct_scans`.
@@ -246,7 +247,7 @@ def reconstruct_scans(
         made._replace(
             seen=made.seen.frames(some), proposal=made.proposal[some], final=made.final[some]
         ),
-        name=name,
+        name=Path(name).name,
         garment=model.garment,
         faces=model.space.faces,
         number=some,
