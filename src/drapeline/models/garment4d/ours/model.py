@@ -232,26 +232,23 @@ def fit_regression(guesser: Guesser, data: SequenceData) -> dict[tuple[int, bool
         return {}
     clouds = ((data.on_body, data.labels), (data.on_worse_body, data.worse_labels))
     maps: list[torch.Tensor] = []
-    # Sequence of each map, whether its cloud is worse, and every how many points of it count.
-    kinds: list[tuple[int, int, int]] = []
+    kinds: list[tuple[int, bool]] = []  # sequence of each map, and whether its cloud is worse
     for sequence, start in progress(windows.tolist(), label="maps"):
         first = int(data.start[sequence]) + start
         rows = slice(first, first + guesser.frames)
-        for worse, step in ((False, 1), (False, 2), (False, 4), (True, 1)):
-            places, labels = (each[rows, ::step] for each in clouds[worse])
+        for worse in (False, True):
+            places, labels = (each[rows] for each in clouds[worse])
             on_body = torch.from_numpy(np.array(places))
             chosen = torch.from_numpy(labels == data.label)
             maps.append(garment_maps(on_body[None], chosen[None]))
-            kinds.append((sequence, worse, step))
-    owner, worse_maps, steps = np.array(kinds).T
+            kinds.append((sequence, worse))
+    owner, is_worse = np.array(kinds).T
     predictions, error = guesser.regression.fit(
         torch.cat(maps).numpy(), data.coefficients[owner], owner.tolist(), data.space.metric()
     )
     LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
     return {
-        (int(sequence), worse): predictions[
-            (owner == sequence) & (worse_maps == worse) & (steps == 1)
-        ].mean(axis=0)
+        (int(sequence), worse): predictions[(owner == sequence) & (is_worse == worse)].mean(axis=0)
         for sequence in np.unique(owner)
         for worse in (False, True)
     }
