@@ -203,13 +203,19 @@ class CloudSampler:
 
 def _rig(visibility: Visibility, turn_rad: float) -> np.ndarray:
     """(C, 3) camera positions; at turn 0, the first of each ring is in front of the body."""
-    positions = []
-    for elevation_deg, count in _RIGS[visibility]:
-        azimuth = turn_rad - np.pi / 2 + 2 * np.pi * np.arange(count) / count
-        elevation = np.radians(elevation_deg)
-        ring = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)]
-        positions.append(np.stack([*ring, np.full(count, np.sin(elevation))], axis=-1))
-    return (_CAMERA_DISTANCE_M * np.concatenate(positions)).astype(np.float32)
+    rings = [
+        camera_ring(count, turn_rad - np.pi / 2, elevation_deg)
+        for elevation_deg, count in _RIGS[visibility]
+    ]
+    return np.concatenate(rings).astype(np.float32)
+
+
+def camera_ring(count: int, turn_rad: float, elevation_deg: float = 0.0) -> np.ndarray:
+    """(C, 3) cameras evenly around the root joint; at turn 0, the first is at the body's left."""
+    azimuth = turn_rad + 2 * np.pi * np.arange(count) / count
+    elevation = np.radians(elevation_deg)
+    ring = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)]
+    return _CAMERA_DISTANCE_M * np.stack([*ring, np.full(count, np.sin(elevation))], axis=-1)
 
 
 @wp.func

@@ -5,7 +5,7 @@ F frames, P points of a cloud.
 
 import numpy as np
 
-from drapeline.dataset.point_clouds import cut_holes, find_seen
+from drapeline.dataset.point_clouds import camera_ring, cut_holes, find_seen
 
 # Clouds and bodies are worse by shares of these, which are drawn for each sequence: the standard
 # deviation of points in metres, the share of points in holes and the number of cameras ...
@@ -13,7 +13,6 @@ _POINT_NOISE_M, _MISSING, _CAMERAS = 0.02, 0.8, (1, 2, 4)
 # ... and standard deviations of pose parameters in rad, shape coefficients, and the position of the
 # root joint in metres. It is what a fit to points without labels leaves of twice as much.
 _POSE_NOISE_RAD, _SHAPE_NOISE, _ROOT_NOISE_M = 0.04, 0.4, 0.01
-_CAMERA_M = 3.0  # distance of cameras from the root joint
 
 
 def worse_clouds(
@@ -25,7 +24,7 @@ def worse_clouds(
     """
     noise_m = rng.random() * _POINT_NOISE_M
     kind, missing = rng.integers(3), rng.random() * _MISSING
-    cameras = camera_ring(int(rng.choice(_CAMERAS)), rng)
+    cameras = camera_ring(int(rng.choice(_CAMERAS)), rng.uniform(0, 2 * np.pi))
     clouds, kept = np.array(points, dtype=np.float32), np.array(labels)
     for frame, pair in enumerate(zip(points, labels, strict=True)):
         if kind == 1:
@@ -35,12 +34,6 @@ def worse_clouds(
             clouds[frame], kept[frame] = (each[seen] for each in pair)
     clouds += rng.normal(0, noise_m, clouds.shape).astype(np.float32)
     return clouds, kept
-
-
-def camera_ring(count: int, rng: np.random.Generator) -> np.ndarray:
-    """(C, 3) cameras evenly around the root joint, at its height, turned at random."""
-    angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(count) / count
-    return _CAMERA_M * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
 
 
 def worse_body(

@@ -87,14 +87,17 @@ def motion_spectrum(predicted: np.ndarray, true: np.ndarray) -> dict[str, float]
             relative to the root joint.
 
     Returns:
-        Per band the ratio of root mean squares of velocities; NaN where the true ones are none.
+        Per band the ratio of root mean squares of velocities; NaN where the true ones are none, or
+        with fewer than three frames.
     """
+    if len(true) < 3:
+        return dict.fromkeys(_BANDS_HZ, float("nan"))
     powers = []
     for motion in (predicted, true):
         velocity = FPS * np.diff(np.asarray(motion, dtype=np.float64), axis=0)
         window = np.hanning(len(velocity) + 2)[1:-1, None, None]
         powers.append((np.abs(np.fft.rfft(window * velocity, axis=0)) ** 2).sum(axis=(1, 2)))
-    frequency = np.fft.rfftfreq(max(len(true) - 1, 1), 1 / FPS)
+    frequency = np.fft.rfftfreq(len(true) - 1, 1 / FPS)
     shares = {}
     for name, (low, high) in _BANDS_HZ.items():
         band = (frequency >= low) & (frequency < high)
@@ -179,8 +182,7 @@ def sequence_measures(
         measures["vertex_error_mm"] = vertex_error_mm(garment, true)
         measures["velocity_error_m_s"] = velocity_error_m_s(garment, true)
         measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
-        if len(true) > 2:
-            measures |= motion_spectrum(garment, true)
+        measures |= motion_spectrum(garment, true)
         if faces is not None:
             both = garment[::CONTACT_STEP], true[::CONTACT_STEP]
             measures |= split_error_mm(garment, true, faces)

@@ -11,6 +11,7 @@ import trimesh
 from drapeline.dataset.point_clouds import (
     CloudRngs,
     CloudSampler,
+    camera_ring,
     corrupt_labels,
     cut_holes,
     find_seen,
@@ -331,3 +332,15 @@ def test_damaged_clouds_are_refused(clouds, tmp_path):
     (folder / "points.npy").write_bytes(b"\x93NUMPY")
     with pytest.raises(InputError, match="points.npy: does not start like an .npy"):
         load_clouds(folder)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_cameras_stand_evenly_around_the_root_joint_at_their_elevation(count):
+    cameras = camera_ring(count, 0.7, 30.0)
+    assert cameras.shape == (count, 3)
+    np.testing.assert_allclose(np.linalg.norm(cameras, axis=1), 3)
+    np.testing.assert_allclose(cameras[:, 2], 1.5)
+    around = cameras[:, 0] + 1j * cameras[:, 1]
+    np.testing.assert_allclose(np.angle(around[0]), 0.7)
+    turn = np.exp(2j * np.pi / count)
+    np.testing.assert_allclose(around * turn, np.roll(around, -1), atol=1e-12)

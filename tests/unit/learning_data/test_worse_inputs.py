@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.learning_data.worse_inputs import camera_ring, worse_body, worse_clouds
+from drapeline.learning_data.worse_inputs import worse_body, worse_clouds
 from drapeline.seeding import rng_for
 
 FRAMES, POINTS = 3, 400
@@ -89,19 +89,6 @@ def test_worse_clouds_are_those_of_the_generator_and_leave_the_cloud_alone(cloud
     for one, other in zip(clouds, before, strict=True):
         np.testing.assert_array_equal(one, other)
     assert not np.array_equal(worse(clouds, 0)[0], worse(clouds, 1)[0])
-
-
-@pytest.mark.parametrize("count", [1, 2, 4])
-def test_cameras_stand_evenly_around_the_root_joint_at_its_height(count):
-    cameras = camera_ring(count, rng_for(0, "cameras"))
-    assert cameras.shape == (count, 3)
-    np.testing.assert_allclose(np.linalg.norm(cameras, axis=1), 3)
-    np.testing.assert_array_equal(cameras[:, 2], 0)
-    turn = np.exp(2j * np.pi / count)
-    around = cameras[:, 0] + 1j * cameras[:, 1]
-    np.testing.assert_allclose(around * turn, np.roll(around, -1), atol=1e-12)
-    other = camera_ring(count, rng_for(1, "cameras"))
-    assert np.abs(other - cameras).max() > 0.01
 
 
 def test_a_body_is_off_by_the_same_in_all_frames():

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.dataset.point_clouds import corrupt_labels, cut_holes, find_seen
+from drapeline.dataset.point_clouds import camera_ring, corrupt_labels, cut_holes, find_seen
 from drapeline.frames import FPS
-from drapeline.learning_data.worse_inputs import camera_ring
 from drapeline.models.garment4d.data import BodySequences, Seen
 from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.seeding import rng_for
@@ -63,7 +62,7 @@ def degraded(
         yield Degraded(f"point_noise_{round(1000 * noise_m)}", seen._replace(points=noisy))
     for count in settings.views:
         rng = rng_for(settings.seed, "views", name)
-        cameras = camera_ring(count, rng)
+        cameras = camera_ring(count, rng.uniform(0, 2 * np.pi))
         viewed = np.stack([cloud[find_seen(cameras, cloud, rng)] for cloud in seen.points])
         yield Degraded(f"views_{count}", seen._replace(points=viewed))
     for rate in settings.frame_rates:
