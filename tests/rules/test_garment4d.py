@@ -21,7 +21,7 @@ from drapeline.models.load import load
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.models.training.settings import override_settings
-from toys.garment4d import CANONICAL, GARMENT, LABELLING, POSED, save_toy_data
+from toys.garment4d import CANONICAL, GARMENT, LABELLING, POSED, save_toy_data, save_toy_tops
 from toys.metric_rows import find_value
 
 BODY_POINTS = 30
@@ -39,6 +39,7 @@ def folder(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def sequences(folder, toy_body):
+    save_toy_tops(folder / "labelled", toy_body)
     return save_toy_data(folder / "data", toy_body)
 
 
@@ -88,8 +89,9 @@ def trained(run_rule, folder, bodies, sequences):
     def ours(name):
         if name == "labels":
             params = {"settings": LABELLING, "trainer": {"accelerator": "cpu"}}
-            return "ours.train:train_labels", {"data": folder / "data"}, params
-        given = {"data": folder / "data", **bodies, "labels": train("labels")}
+            return "ours.train:train_labels", {"data": folder / "labelled"}, params
+        given = {"data": folder / "data", "clouds": folder / "labelled", **bodies}
+        given["labels"] = train("labels")
         params = {
             "body_points": BODY_POINTS,
             "skinning": POSED["skinning"],

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from drapeline.job import Job
+from drapeline.learning_data.sequences import CloudData
 from drapeline.models.garment4d.data import BodySequences, Windows
 from drapeline.models.garment4d.ours.final_step import fit_final_step
 from drapeline.models.garment4d.ours.labels import LabelStage
@@ -73,11 +74,11 @@ def train_toy_labels(
     return folder / name
 
 
-def fit_toy_model(folder: Path, labels: Path, sequences: BodySequences) -> Path:
+def fit_toy_model(folder: Path, labels: Path, sequences: BodySequences, clouds: CloudData) -> Path:
     """Fit our model to sequences; the folder that it is saved in."""
     guesser = toy_guesser(load_stage(labels, LabelStage), sequences)
-    known = fit_regression(guesser, sequences.data)
-    guesses = guess_all(guesser, sequences, known)
+    known = fit_regression(guesser, sequences.data, clouds)
+    guesses = guess_all(guesser, sequences, clouds, known)
     skinning = SkinningSettings(**POSED["skinning"])
     step = fit_final_step(sequences, skinning, guesses, RefineSettings(), "skinned")
     folder.mkdir(parents=True)

@@ -1,17 +1,16 @@
 """Clouds through sequences, and garments of one type in them, as arrays that are memory-mapped.
 
 All coordinates are metres relative to the root joint, Z up. Motions have 30 frames per second; a
-simulated sequence has all of its frames, a skinned one a few of them. Every sequence has its clouds
-twice: as they are, and worse, as scans of real people are. F frames of all sequences, S sequences,
-P points of a cloud, N vertices of the template, T frames of a window, D components of the garment
-space.
+simulated sequence has all of its frames, a skinned one a few of them. F frames of all sequences, S
+sequences, P points of a cloud, N vertices of the template, T frames of a window, D components of
+the garment space.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -42,6 +41,8 @@ _OF_CLOUDS = {
     "points": "float f p 3",
     "labels": "int f p",
     "on_body": "float f p 4",
+}
+_OF_WORSE_CLOUDS = {
     "worse_points": "float f p 3",
     "worse_labels": "int f p",
     "on_worse_body": "float f p 4",
@@ -86,10 +87,13 @@ class GarmentSequence(SeenSequence):
     garment: Callable[[], np.ndarray]
 
 
+_OneSequence = TypeVar("_OneSequence", bound=SeenSequence)
+
+
 def collect_clouds(
     output: str | Path, sequences: Sequence[SeenSequence], bodies: Mapping[str, BodyModel]
 ) -> int:
-    """Write the clouds of all sequences as arrays.
+    """Write the clouds of all sequences as arrays, as they are and worse, as real scans are.
 
     Args:
         output: folder, replaced as a whole.
@@ -103,8 +107,10 @@ def collect_clouds(
     """
     output = Path(output)
     _check(output, sequences, ("points",))
+    count = sequences[0].points.shape[1]
     with atomic_folder(output) as scratch:
-        _write_frames(scratch, sequences, bodies, output)
+        layouts = _cloud_layouts(count, *_OF_WORSE_CLOUDS)
+        _write_frames(scratch, sequences, bodies, output, _worsen, **layouts)
         _write_table(scratch, sequences)
     return sum(len(one.poses) for one in sequences)
 
@@ -139,7 +145,14 @@ def collect_sequences(
     space = fit_space(canonical[trained], components, faces)
     counts = [len(one.poses) for one in sequences]
     with atomic_folder(output) as scratch:
-        _write_frames(scratch, sequences, bodies, output)
+        _write_frames(
+            scratch,
+            sequences,
+            bodies,
+            output,
+            lambda one, _: {"garment": one.garment()},
+            garment=(np.float32, canonical.shape[1:]),
+        )
         save_npz(
             scratch / "frames.npz",
             poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
@@ -185,41 +198,55 @@ def _write_table(folder: Path, sequences: Sequence[SeenSequence], **of_garments:
 
 def _write_frames(
     folder: Path,
-    sequences: Sequence[SeenSequence],
+    sequences: Sequence[_OneSequence],
     bodies: Mapping[str, BodyModel],
     output: Path,
+    more: Callable[[_OneSequence, BodyModel], dict[str, np.ndarray]],
+    **layouts: tuple[type, tuple[int, ...]],
 ) -> None:
-    """Write the arrays with a row per frame, one sequence at a time; `output` is for errors."""
-    first, total = sequences[0], sum(len(one.poses) for one in sequences)
-    cloud = (total, first.points.shape[1])
-    layouts: dict[str, Any] = {
-        **dict.fromkeys(("points", "worse_points"), (np.float32, (*cloud, 3))),
-        **dict.fromkeys(("labels", "worse_labels"), (np.uint8, cloud)),
-        # Computing these takes longer than an epoch of training.
-        **dict.fromkeys(("on_body", "on_worse_body"), (np.float32, (*cloud, 4))),
-    }
-    if isinstance(first, GarmentSequence):
-        layouts["garment"] = np.float32, (total, *first.canonical.shape)
-    files = ArrayFiles(folder, layouts)
+    """Write the arrays with a row per frame, one sequence at a time.
+
+    Args:
+        output: for errors.
+        more: arrays of a sequence besides its clouds.
+        layouts: types of these and shapes of their rows, by name.
+    """
+    count, total = sequences[0].points.shape[1], sum(len(one.poses) for one in sequences)
+    # Computing places on the body takes longer than an epoch of training.
+    layouts |= _cloud_layouts(count, "points", "labels", "on_body")
+    files = ArrayFiles(folder, {key: (kind, (total, *row)) for key, (kind, row) in layouts.items()})
     for one in progress(sequences, label="sequences"):
-        garment = {"garment": one.garment()} if isinstance(one, GarmentSequence) else {}
-        _refuse_unfinite(output, one, one.points, *garment.values())
-        body, rng = bodies[one.gender], rng_for(0, "worse inputs", one.name)
-        # Bodies are as rounded in the files.
-        shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-        points, labels = worse_clouds(one.points, one.labels, rng)
-        files.append(
-            points=one.points,
-            labels=one.labels,
-            on_body=body_relative_points(body, shape, poses, one.points)[..., 3:],
-            worse_points=points,
-            worse_labels=labels,
-            on_worse_body=body_relative_points(body, *worse_body(shape, poses, points, rng))[
-                ..., 3:
-            ],
-            **garment,
-        )
+        _refuse_unfinite(output, one, one.points)
+        body = bodies[one.gender]
+        others = more(one, body)
+        for array in others.values():
+            _refuse_unfinite(output, one, array)
+        on_body = body_relative_points(body, *_rounded(one), one.points)[..., 3:]
+        files.append(points=one.points, labels=one.labels, on_body=on_body, **others)
     files.flush()
+
+
+def _cloud_layouts(
+    count: int, points: str, labels: str, places: str
+) -> dict[str, tuple[type, tuple[int, ...]]]:
+    return {
+        points: (np.float32, (count, 3)),
+        labels: (np.uint8, (count,)),
+        places: (np.float32, (count, 4)),
+    }
+
+
+def _rounded(one: SeenSequence) -> tuple[np.ndarray, np.ndarray]:
+    """Shape and poses of the body as they are in the files."""
+    return np.asarray(one.shape, dtype=np.float32), np.asarray(one.poses, dtype=np.float32)
+
+
+def _worsen(one: SeenSequence, body: BodyModel) -> dict[str, np.ndarray]:
+    """The arrays of `_OF_WORSE_CLOUDS`."""
+    rng = rng_for(0, "worse inputs", one.name)
+    points, labels = worse_clouds(one.points, one.labels, rng)
+    places = body_relative_points(body, *worse_body(*_rounded(one), points, rng))[..., 3:]
+    return dict(zip(_OF_WORSE_CLOUDS, (points, labels, places), strict=True))
 
 
 def _check(output: Path, sequences: Sequence[SeenSequence], same: Sequence[str]) -> None:
@@ -240,28 +267,25 @@ def _check(output: Path, sequences: Sequence[SeenSequence], same: Sequence[str])
                 )
 
 
-def _refuse_unfinite(output: Path, one: SeenSequence, *arrays: np.ndarray) -> None:
-    for array in arrays:
-        finite = np.isfinite(array).all(axis=(1, 2))
-        if not finite.all():
-            raise InputError(
-                f"{output}: sequence {one.name} holds NaN or infinity in frame"
-                f" {int(one.number[np.argmin(finite)])}, expected metres"
-            )
+def _refuse_unfinite(output: Path, one: SeenSequence, array: np.ndarray) -> None:
+    finite = np.isfinite(array).reshape(len(array), -1).all(axis=1)
+    if not finite.all():
+        raise InputError(
+            f"{output}: sequence {one.name} holds NaN or infinity in frame"
+            f" {int(one.number[np.argmin(finite)])}, expected metres"
+        )
 
 
-class CloudData:
-    """Clouds of sequences, as `collect_clouds` wrote them.
+class SequenceClouds:
+    """Clouds of sequences in the arrays of a folder.
 
     Args:
-        folder: that it wrote.
+        folder: with `sequences.npz`, and an array for each key of `_of_frames`.
 
     Attributes:
         points, labels: (F, P, 3) and (F, P), memory-mapped.
         on_body: (F, P, 4) places of points on the body, the last columns of
             `body_relative_points`, memory-mapped.
-        worse_points, worse_labels: of the worse clouds, see `worse_clouds`, memory-mapped.
-        on_worse_body: (F, P, 4) of those on a body that is off, see `worse_body`, memory-mapped.
         name, source, split, clip, start, count: (S,) of the sequences; start is their first row.
 
     Raises:
@@ -271,9 +295,6 @@ class CloudData:
     points: np.ndarray
     labels: np.ndarray
     on_body: np.ndarray
-    worse_points: np.ndarray
-    worse_labels: np.ndarray
-    on_worse_body: np.ndarray
     name: np.ndarray
     source: np.ndarray
     split: np.ndarray
@@ -357,8 +378,42 @@ class CloudData:
         return count / max(count.sum(), 1)
 
 
-class SequenceData(CloudData):
-    """All sequences of a garment type, as `collect_sequences` wrote them; see `CloudData`.
+class CloudData(SequenceClouds):
+    """Clouds of all sequences, as `collect_clouds` wrote them; see `SequenceClouds`.
+
+    Args:
+        folder: that it wrote.
+
+    Attributes:
+        worse_points, worse_labels: of the worse clouds, see `worse_clouds`, memory-mapped.
+        on_worse_body: (F, P, 4) of those on a body that is off, see `worse_body`, memory-mapped.
+
+    Raises:
+        InputError: a file is missing, lacks an array, or the arrays do not agree in length.
+    """
+
+    worse_points: np.ndarray
+    worse_labels: np.ndarray
+    on_worse_body: np.ndarray
+    _of_frames = _OF_CLOUDS | _OF_WORSE_CLOUDS
+
+    def rows_of(self, name: str) -> slice:
+        """Frames of a sequence, by its name.
+
+        Raises:
+            InputError: there is none.
+        """
+        if name not in self._places:
+            raise InputError(f"{self._folder}: has no sequence {name}, expected one")
+        return self.rows(self._places[name])
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {str(name): place for place, name in enumerate(self.name)}
+
+
+class SequenceData(SequenceClouds):
+    """All sequences of a garment type, as `collect_sequences` wrote them; see `SequenceClouds`.
 
     Args:
         folder: that it wrote.

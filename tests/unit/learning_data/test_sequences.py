@@ -92,11 +92,18 @@ def test_places_on_the_body_are_those_for_the_body_as_read(data, toy_body):
     assert data.on_body.filename is not None  # mapped, not read
 
 
-def test_worse_clouds_are_points_of_the_frame_off_by_noise_with_their_labels(data):
+@pytest.fixture
+def clouds(tmp_path, data, toy_body):
+    """Clouds of the same sequences, in the same order, as they are and worse."""
+    collect_clouds(tmp_path / "clouds", toy_sequences(toy_body), toy_bodies(toy_body))
+    return CloudData(tmp_path / "clouds")
+
+
+def test_worse_clouds_are_points_of_the_frame_off_by_noise_with_their_labels(data, clouds):
     others = 0
     for sequence in range(len(data)):
         rows = data.rows(sequence)
-        points, labels = data.worse_points[rows], data.worse_labels[rows]
+        points, labels = clouds.worse_points[rows], clouds.worse_labels[rows]
         away = np.linalg.norm(points[:, :, None] - data.points[rows][:, None], axis=-1)
         same = labels[:, :, None] == data.labels[rows][:, None]
         # The noise is of two centimetres at most, which few points exceed four times.
@@ -105,57 +112,54 @@ def test_worse_clouds_are_points_of_the_frame_off_by_noise_with_their_labels(dat
         others += not np.array_equal(labels, data.labels[rows])
     assert 0 < others < len(data)
     for key in ("worse_points", "worse_labels", "on_worse_body"):
-        assert getattr(data, key).filename is not None  # mapped, not read
+        assert getattr(clouds, key).filename is not None  # mapped, not read
 
 
-def worse_offsets(data, toy_body, sequence):
+def worse_offsets(data, clouds, toy_body, sequence):
     """(F, 3) metres that worse bodies are off by, where points are carried back to."""
     rows = data.rows(sequence)
     exact = body_relative_points(
-        toy_body, data.shape[sequence], data.poses[rows], data.worse_points[rows]
+        toy_body, data.shape[sequence], data.poses[rows], clouds.worse_points[rows]
     )
-    off = data.on_worse_body[rows][..., :3] - exact[..., 3:6]
+    off = clouds.on_worse_body[rows][..., :3] - exact[..., 3:6]
     return np.median(off, axis=1)  # since single points change their place
 
 
-def test_worse_clouds_lie_on_a_body_that_is_off_by_an_amount_of_each_sequence(data, toy_body):
+def test_worse_clouds_lie_on_a_body_that_is_off_by_an_amount_of_each_sequence(
+    data, clouds, toy_body
+):
     off_m = [
-        np.linalg.norm(worse_offsets(data, toy_body, sequence), axis=-1).mean()
+        np.linalg.norm(worse_offsets(data, clouds, toy_body, sequence), axis=-1).mean()
         for sequence in range(len(data))
     ]
     assert 0 < min(off_m) < 0.5 * max(off_m)
     assert np.median(off_m) < 0.15
     assert len(np.unique(off_m)) == len(off_m)
-    assert np.isfinite(data.on_worse_body).all()
+    assert np.isfinite(clouds.on_worse_body).all()
 
 
-def test_a_worse_body_is_off_in_the_same_way_in_all_frames(data, toy_body):
+def test_a_worse_body_is_off_in_the_same_way_in_all_frames(data, clouds, toy_body):
     """As one that was estimated: what is off hardly changes from frame to frame."""
     changes, sizes = [], []
     for sequence in data.of_split("train", ("simulated",)):
-        off = worse_offsets(data, toy_body, sequence)
+        off = worse_offsets(data, clouds, toy_body, sequence)
         changes.append(np.abs(off - off.mean(axis=0)).mean())
         sizes.append(np.abs(off).mean())
     assert sum(changes) < 0.5 * sum(sizes)
 
 
-WORSE = ("worse_points", "worse_labels", "on_worse_body")
-
-
-def test_what_is_worse_depends_on_the_name_of_the_sequence_alone(data, toy_body, tmp_path):
-    """Of several garment types, and without any, the same sequence is the same."""
-    others = toy_sequences(toy_body)[::-1]
-    bodies = toy_bodies(toy_body)
-    collect_sequences(tmp_path / "data", GARMENT, others, skirt_faces(), 2, bodies)
-    collect_clouds(tmp_path / "clouds", others[:4], bodies)
-    for again in (SequenceData(tmp_path / "data"), CloudData(tmp_path / "clouds")):
-        names = data.name.tolist()
-        for sequence, name in enumerate(again.name.tolist()):
-            mine, theirs = again.rows(sequence), data.rows(names.index(name))
-            for key in ("points", "labels", "on_body", *WORSE):
-                np.testing.assert_array_equal(
-                    getattr(again, key)[mine], getattr(data, key)[theirs], key
-                )
+def test_what_is_worse_depends_on_the_name_of_the_sequence_alone(clouds, toy_body, tmp_path):
+    others = toy_sequences(toy_body)[3::-1]
+    collect_clouds(tmp_path / "again", others, toy_bodies(toy_body))
+    again = CloudData(tmp_path / "again")
+    for one in others:
+        mine, theirs = again.rows_of(one.name), clouds.rows_of(one.name)
+        for key in ("points", "labels", "on_body", "worse_points", "worse_labels", "on_worse_body"):
+            np.testing.assert_array_equal(
+                getattr(again, key)[mine], getattr(clouds, key)[theirs], key
+            )
+    with pytest.raises(InputError, match="again: has no sequence 00008, expected one"):
+        again.rows_of("00008")
 
 
 @pytest.fixture
@@ -274,14 +278,14 @@ def test_bad_sequences_are_named(tmp_path, toy_body):
 def test_damaged_folders_are_refused(collected, tmp_path):
     folder = tmp_path / "data"
     shutil.copytree(collected[0], folder)
-    places = np.load(folder / "on_worse_body.npy")
-    np.save(folder / "on_worse_body.npy", places[..., :3])
-    with pytest.raises(InputError, match=r"on_worse_body.npy: has shape \(45, 160, 3\)"):
+    places = np.load(folder / "on_body.npy")
+    np.save(folder / "on_body.npy", places[..., :3])
+    with pytest.raises(InputError, match=r"on_body.npy: has shape \(45, 160, 3\)"):
         SequenceData(folder)
-    (folder / "on_worse_body.npy").unlink()
-    with pytest.raises(InputError, match=r"on_worse_body.npy: no such file"):
+    (folder / "on_body.npy").unlink()
+    with pytest.raises(InputError, match=r"on_body.npy: no such file"):
         SequenceData(folder)
-    np.save(folder / "on_worse_body.npy", places)
+    np.save(folder / "on_body.npy", places)
     np.save(folder / "labels.npy", np.zeros((3, 160), np.uint8))
     with pytest.raises(
         InputError, match=r"labels.npy: has shape \(3, 160\) .*expected \(45, 160\)"

@@ -204,12 +204,11 @@ class BodySequences:
             ],
         }
 
-    def seen(self, sequence: int, labels: np.ndarray | None = None, *, worse: bool = False) -> Seen:
-        """A whole sequence, with labels (F, P) if any, and on request with its worse clouds."""
+    def seen(self, sequence: int, labels: np.ndarray | None = None) -> Seen:
+        """A whole sequence, with labels (F, P) if any."""
         data, rows = self.data, self.data.rows(sequence)
-        points = data.worse_points if worse else data.points
         body = self.body(sequence)
-        return Seen(points[rows], data.poses[rows], data.trans[rows], body, labels)
+        return Seen(data.points[rows], data.poses[rows], data.trans[rows], body, labels)
 
     def spans(self, windows: np.ndarray, frames: int) -> list[slice]:
         """Rows of windows (B, 2) of T frames among the frames of all sequences."""

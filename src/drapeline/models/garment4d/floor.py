@@ -17,22 +17,19 @@ def evaluate_floor(job: Job) -> None:
     given, params = job.input, job.params
     data = {garment: SequenceData(given[garment]) for garment in params.garments}
     tables = {garment: load_tables(given[f"fits_{garment}"]) for garment in params.garments}
-    rows_of = {
-        (str(one.name[sequence]), garment): one.rows(sequence)
-        for garment, one in data.items()
-        for sequence in one.of_split(params.split, (SIMULATED,))
-    }
-    tested = {name for name, _ in rows_of}
+    # Sample -> its garments and their sequences.
+    tested: dict[str, list[tuple[str, int]]] = {}
+    for garment, one in data.items():
+        for sequence in one.of_split(params.split, (SIMULATED,)).tolist():
+            tested.setdefault(str(one.name[sequence]), []).append((garment, sequence))
     folders = samples_named(given.samples, [name for name in params.samples if name in tested])
     measured: dict[str, list[Measured]] = {}
     for again in simulate_samples_again(job, folders, load_bodies(given)):
-        for garment, one in data.items():
-            rows = rows_of.get((again.sample, garment))
-            if rows is None:
-                continue
+        for garment, sequence in tested[again.sample]:
+            one = data[garment]
             found = remesh(again.cloths[garment], tables[garment][again.sample])
-            measures = metrics.sequence_measures(found, one.garment[rows], faces=one.space.faces)
-            sequence = int((one.name == again.sample).argmax())
+            true = one.garment[one.rows(sequence)]
+            measures = metrics.sequence_measures(found, true, faces=one.space.faces)
             clip, source = str(one.clip[sequence]), str(one.source[sequence])
             measured.setdefault(again.way, []).append(Measured(clip, garment, measures, source))
     tables_of = (

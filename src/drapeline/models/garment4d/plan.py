@@ -1,8 +1,8 @@
 """What an experiment does with Garment4D."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
@@ -32,6 +32,7 @@ _SOURCES = "drapeline.learning_data.sequence_sources"
 _PAGES = "drapeline.report.models.garment4d"
 _ABLATIONS = "metrics_garment4d_ablations"
 _PULLED_MGN = "mgn_pulled"
+_Worn = TypeVar("_Worn", bound=Hashable)
 _AGAIN = 20  # test samples of each group that are simulated again, at most
 PROTOCOLS = ("surface", "vertices")
 
@@ -66,21 +67,20 @@ class Garment4dFiles:
         """Sequences of a type, sampled as the config says."""
         return f"{self.folder}/{garment}/data_{self.settings['protocol']}"
 
-    def wearers(self, garment: str) -> list[str]:
-        """Samples in motion that wear a type."""
+    @cached_property
+    def wearers(self) -> dict[str, list[str]]:
+        """Type -> samples in motion that wear it."""
         plans = self._files.moving_plans.items()
-        return [sample for sample, plan in plans if garment in plan.outfit_type.split("+")]
+        return _by_garment((sample, plan.outfit_type) for sample, plan in plans)
 
-    def skinned_wearers(self, garment: str) -> list[tuple[str, str]]:
-        """Those of `skinned_shards` that have a type."""
-        return [
-            (group, shard)
+    @cached_property
+    def skinned_wearers(self) -> dict[str, list[tuple[str, str]]]:
+        """Type -> those of `skinned_shards` that have it."""
+        return _by_garment(
+            ((group, shard), plan.outfit_type)
             for group, shard in self.skinned_shards
-            if any(
-                garment in plan.outfit_type.split("+")
-                for plan in self._files.groups[group].shards[shard]
-            )
-        ]
+            for plan in self._files.groups[group].shards[shard]
+        )
 
     def clouds(self, protocol: str) -> str:
         """Pattern of point clouds of samples."""
@@ -90,9 +90,18 @@ class Garment4dFiles:
         """A template fitted to all garments that models learn from or are tested on."""
         fits = self.fits(garment)
         skinned = [
-            fits.format(group=group, shard=shard) for group, shard in self.skinned_wearers(garment)
+            fits.format(group=group, shard=shard) for group, shard in self.skinned_wearers[garment]
         ]
-        return [*skinned, *self._files.shards_of(fits, self.wearers(garment))]
+        return [*skinned, *self._files.shards_of(fits, self.wearers[garment])]
+
+
+def _by_garment(worn: Iterable[tuple[_Worn, str]]) -> dict[str, list[_Worn]]:
+    """Garment type -> what wears it, each once, of pairs with types of outfits."""
+    found: dict[str, dict[_Worn, None]] = {name: {} for name in GARMENTS}
+    for wearer, outfit_type in worn:
+        for name in outfit_type.split("+"):
+            found[name][wearer] = None
+    return {name: [*wearers] for name, wearers in found.items()}
 
 
 class _Garment4dTasks:
@@ -133,9 +142,9 @@ class _Garment4dTasks:
 
     def _collect(self, garment: str, protocol: str) -> Task:
         files, own = self.files, self.own
-        wearers = own.wearers(garment)
+        wearers = own.wearers[garment]
         # Clouds of outfits at rest follow the config's protocol.
-        skinned = own.skinned_wearers(garment) if protocol == self.settings["protocol"] else []
+        skinned = own.skinned_wearers[garment] if protocol == self.settings["protocol"] else []
         return Task(
             f"{_SOURCES}:collect",
             {
@@ -201,6 +210,7 @@ class _Garment4dTasks:
             {
                 **self.files.bodies,
                 "data": self.own.sequences(garment),
+                "clouds": self.own.labelled,
                 "labels": f"{self.folder}/labels",
             },
             {
@@ -307,7 +317,7 @@ class _Garment4dTasks:
         self, garment: str, variants: list[str], changed: Mapping[str, Any], **given: str
     ) -> Task:
         # Those moved by skinning are not measured, so the plan must have others.
-        wearers = [self.files.moving_plans[sample] for sample in self.own.wearers(garment)]
+        wearers = [self.files.moving_plans[sample] for sample in self.own.wearers[garment]]
         folder, size = f"{self.folder}/{garment}", self.files.moving_size
         return Task(
             f"{_HERE}.evaluate:evaluate_garment",
@@ -337,7 +347,7 @@ class _Garment4dTasks:
     def _floor(self) -> Task:
         """The true garments simulated again."""
         files, own = self.files, self.own
-        worn = {sample for garment in self.garments for sample in own.wearers(garment)}
+        worn = {sample for garment in self.garments for sample in own.wearers[garment]}
         samples = files.first_of_split(
             _AGAIN, EVALUATED_SPLITS[0], lambda plan: plan.sample in worn
         )
@@ -348,7 +358,7 @@ class _Garment4dTasks:
                 **self._every_sequence,
                 **{
                     f"fits_{garment}": files.shards_of(
-                        own.fits(garment), [one for one in own.wearers(garment) if one in samples]
+                        own.fits(garment), [one for one in own.wearers[garment] if one in samples]
                     )
                     for garment in self.garments
                 },

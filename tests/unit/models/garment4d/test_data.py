@@ -95,18 +95,6 @@ def test_a_sequence_is_seen_as_a_whole(toy_skirts, sequences):
     np.testing.assert_array_equal(told.taken_for(data.label), one.labels == data.label)
 
 
-def test_a_sequence_is_seen_with_its_worse_clouds_on_request(sequences):
-    data, plain = sequences.data, sequences.seen(4)
-    labels = data.worse_labels[data.rows(4)]
-    worse = sequences.seen(4, labels, worse=True)
-    np.testing.assert_array_equal(worse.points, data.worse_points[data.rows(4)])
-    assert np.abs(worse.points - plain.points).max() > 1e-4
-    np.testing.assert_array_equal(worse.labels, labels)
-    for key in ("poses", "trans"):
-        np.testing.assert_array_equal(getattr(worse, key), getattr(plain, key))
-    assert worse.body is plain.body
-
-
 def test_unknown_labels_cannot_be_asked_for(held_out):
     with pytest.raises(ValueError, match="the points have no labels, expected some"):
         held_out.taken_for(0)
@@ -156,8 +144,7 @@ def test_a_frame_in_several_windows_gets_the_mean_of_them():
 
 def test_the_digested_arrays_tell_data_and_bodies_apart(sequences, folder, toy_body):
     arrays = sequences.arrays()
-    known = {"points", "on_body", "worse_points", "worse_labels", "on_worse_body", "poses"}
-    known |= {"space/mean", "bodies/female/chosen"}
+    known = {"points", "on_body", "poses", "space/mean", "bodies/female/chosen"}
     assert known <= arrays.keys()
     fewer = open_toy_data(folder / "data", toy_body, 29).arrays()
     assert fewer.keys() == arrays.keys()

@@ -30,7 +30,7 @@ POSED_STAGES = {
 STAGES = {**CANONICAL_STAGES, **POSED_STAGES, "labels": (LabelStage, LABELLING)}
 
 
-def build(name, sequences, astray=0.0, **training):
+def build(name, sequences, clouds, astray=0.0, **training):
     """A stage with the windows it is trained on.
 
     The posed ones dress bodies in garments that are so far `astray` (metres): what they have to
@@ -41,7 +41,7 @@ def build(name, sequences, astray=0.0, **training):
     if name == "labels":
         stage = cls(cls.SETTINGS(**values))
         windows = LabelledClouds(
-            sequences.data, frames=3, stride=3, sources=stage.settings.training.sources
+            clouds, frames=3, stride=3, sources=stage.settings.training.sources
         )
         stage.prepare(windows)
         return stage, windows
@@ -66,16 +66,16 @@ def batch_of(windows, count):
 
 
 @pytest.mark.parametrize("name", STAGES)
-def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
-    stage, windows = build(name, sequences)
+def test_gradients_of_the_whole_loss_by_finite_differences(sequences, clouds, name):
+    stage, windows = build(name, sequences, clouds)
     stage, batch = shake_weights(stage, 0.02).train().double(), doubles(batch_of(windows, 2))
     assert_true_gradients(stage, lambda stage: stage.training_step(batch))
     assert_a_step_lowers(stage, lambda stage: stage.training_step(batch))
 
 
 @pytest.mark.parametrize("name", STAGES)
-def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name):
-    stage, windows = build(name, sequences)
+def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, clouds, name):
+    stage, windows = build(name, sequences, clouds)
     batch = batch_of(windows, 2)
     # Points that are almost as far as others take turns in the other networks' many maxima.
     cosine = 0.9 if name in POSED_STAGES else 0.0
@@ -96,6 +96,6 @@ def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name
         ("mgn", 1, 0.1),
     ],
 )
-def test_one_batch_is_learned_by_heart(sequences, name, windows, rate):
-    stage, drawn = build(name, sequences, astray=0.3, learning_rate=rate)
+def test_one_batch_is_learned_by_heart(sequences, clouds, name, windows, rate):
+    stage, drawn = build(name, sequences, clouds, astray=0.3, learning_rate=rate)
     assert_learned_by_heart(stage.train(), batch_of(drawn, windows), stage.ERROR, steps=500)

@@ -90,7 +90,7 @@ def test_our_model_can_learn_every_type_and_the_paper_s_networks_those_compared(
 def test_our_model_is_fitted_with_labels_and_without_the_paper_s_networks(plan, garment):
     task = plan.trainings[f"{garment}/ours"]
     given = [file for name, file in task.input.items() if name not in ("female", "male")]
-    assert folders(given) == [f"{garment}/data_surface", "labels"]
+    assert folders(given) == [f"{garment}/data_surface", "labelled", "labels"]
 
 
 @pytest.mark.parametrize("garment", TYPES)

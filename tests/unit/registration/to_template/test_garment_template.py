@@ -7,6 +7,7 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
+from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, boundary_loops, edges, face_normals, triangulate
 from drapeline.geometry.obj import save_obj
 from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENT_TYPES, GARMENTS
@@ -205,7 +206,7 @@ def test_outfits_of_the_generator_fit_their_templates(toy_body, dress_forms, mad
         fit = fit_to_template(garment.vertices, garment.faces, FitTarget(template))
         found = residual(garment.vertices, garment.faces, template, remesh_table(fit))
         assert max(found[:3]) < 5
-        few = 0 if garment.name in GARMENT4D_TYPES else 0.005 * len(template.faces)
+        few = 0 if garment.name in GARMENT4D_TYPES else 0.02 * len(template.faces)
         assert found.flipped_faces <= few
 
 
@@ -217,14 +218,23 @@ def sleeveless(toy_body, dress_forms):
     return dress
 
 
+def most_away_m(fit):
+    """How far the vertex of a fitted garment that is furthest off its template is."""
+    place, _ = closest_points(fit.vertices, fit.target.vertices, fit.target.template.faces)
+    return np.linalg.norm(fit.vertices - place, axis=1).max()
+
+
 def test_a_dress_without_sleeves_keeps_its_surface_on_a_template_with_them(made, sleeveless):
     template = made["Dress"]
     fit = fit_to_template(sleeveless.vertices, sleeveless.faces, template)
     table = remesh_table(fit)
     found = residual(sleeveless.vertices, sleeveless.faces, template, table)
     assert max(found[:3]) < 4
-    # Drawn along whole sleeves, it would fold under the arms.
-    assert found.flipped_faces <= 3
+    # Drawn along whole sleeves, cloth from the sides would hang under the arms.
+    whole = FitTarget(template)
+    whole.sleeved = False
+    drawn = fit_to_template(sleeveless.vertices, sleeveless.faces, whole)
+    assert most_away_m(fit) < 0.75 * most_away_m(drawn)
     new = remesh(sleeveless.vertices, table)
     loops = boundary_loops(triangulate(sleeveless.faces))
     for side, sign in (("left", 1), ("right", -1)):

@@ -15,7 +15,7 @@ from torch import nn
 
 from drapeline.bodies.scan_fit import fit_sequence, is_exact
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.learning_data.sequences import SIMULATED, SequenceData
+from drapeline.learning_data.sequences import SIMULATED, CloudData, SequenceData
 from drapeline.models.garment4d.data import BodySequences, Seen, SequenceWindows, spread_rows
 from drapeline.models.garment4d.ours.body_maps import (
     SHAPE_CELL_M,
@@ -218,8 +218,13 @@ def _build_guesser(metadata: Mapping[str, Any]) -> Guesser:
     return Guesser(labels, space_of(metadata), metadata["label"])
 
 
-def fit_regression(guesser: Guesser, data: SequenceData) -> dict[tuple[int, bool], np.ndarray]:
+def fit_regression(
+    guesser: Guesser, data: SequenceData, clouds: CloudData
+) -> dict[tuple[int, bool], np.ndarray]:
     """Fit the regression to the windows of training sequences with their true labels.
+
+    Args:
+        clouds: of all sequences, with the worse ones.
 
     Returns:
         Training sequence, and whether its clouds are the worse ones -> (D,) its estimate by a fit
@@ -230,18 +235,23 @@ def fit_regression(guesser: Guesser, data: SequenceData) -> dict[tuple[int, bool
     if len(np.unique(windows[:, 0])) < 2:
         LOGGER.warning("only one training sequence: all first guesses are the mean garment")
         return {}
-    clouds = ((data.on_body, data.labels), (data.on_worse_body, data.worse_labels))
     maps: list[torch.Tensor] = []
     kinds: list[tuple[int, bool]] = []  # sequence of each map, and whether its cloud is worse
     for sequence, start in progress(windows.tolist(), label="maps"):
-        first = int(data.start[sequence]) + start
-        rows = slice(first, first + guesser.frames)
-        for worse in (False, True):
-            places, labels = (each[rows] for each in clouds[worse])
-            on_body = torch.from_numpy(np.array(places))
-            chosen = torch.from_numpy(labels == data.label)
+        span = slice(start, start + guesser.frames)
+        own, others = data.rows(sequence), clouds.rows_of(str(data.name[sequence]))
+        both = (
+            (data.on_body[own], data.labels[own]),
+            (
+                clouds.on_worse_body[others],
+                clouds.worse_labels[others],
+            ),
+        )
+        for worse, (places, labels) in enumerate(both):
+            on_body = torch.from_numpy(np.array(places[span]))
+            chosen = torch.from_numpy(labels[span] == data.label)
             maps.append(garment_maps(on_body[None], chosen[None]))
-            kinds.append((sequence, worse))
+            kinds.append((sequence, bool(worse)))
     owner, is_worse = np.array(kinds).T
     predictions, error = guesser.regression.fit(
         torch.cat(maps).numpy(), data.coefficients[owner], owner.tolist(), data.space.metric()
@@ -255,16 +265,23 @@ def fit_regression(guesser: Guesser, data: SequenceData) -> dict[tuple[int, bool
 
 
 def guess_all(
-    guesser: Guesser, sequences: BodySequences, known: Mapping[tuple[int, bool], np.ndarray]
+    guesser: Guesser,
+    sequences: BodySequences,
+    clouds: CloudData,
+    known: Mapping[tuple[int, bool], np.ndarray],
 ) -> Iterator[Guess]:
     """First guesses that the final step is fitted to.
 
     Args:
+        clouds: of all sequences, with the worse ones.
         known: of `fit_regression`.
     """
     data = sequences.data
     for (sequence, worse), alpha in known.items():
-        seen = sequences.seen(sequence, worse=worse)
+        seen = sequences.seen(sequence)
+        if worse:
+            rows = clouds.rows_of(str(data.name[sequence]))
+            seen = seen._replace(points=clouds.worse_points[rows])
         yield Guess(seen._replace(labels=guesser.label_points(seen)), sequence, alpha)
     for sequence in spread_rows(data.of_split("val", (SIMULATED,)), _CHOSEN_ON).tolist():
         seen = sequences.seen(sequence)

@@ -55,11 +55,12 @@ def train_ours(job: Job) -> None:
     sequences = BodySequences(data, BodySet(load_bodies(given), params.body_points))
     labels = load_stage(given.labels, LabelStage).to(fastest_device(params.accelerator))
     guesser = Guesser(labels, data.space, data.label)
-    known = fit_regression(guesser, data)
+    clouds = CloudData(given.clouds)
+    known = fit_regression(guesser, data, clouds)
     final_step = fit_final_step(
         sequences,
         SkinningSettings(**params.skinning),
-        guess_all(guesser, sequences, known),
+        guess_all(guesser, sequences, clouds, known),
         RefineSettings(**params.refine),
         params.proposals,
     )

@@ -139,8 +139,11 @@ def write_page(path: str | Path, case: Reconstruction) -> None:
     def points(own: np.ndarray) -> np.ndarray:
         """As many of some points (F, P) in every frame, repeated where there are fewer."""
         most = max(int(own.sum(axis=1).max()), 1)
-        chosen = [np.flatnonzero(each) if each.any() else np.zeros(1, int) for each in own]
-        return np.stack([case.points[f, np.resize(ids, most)] for f, ids in enumerate(chosen)])
+        # Of none, the middle of the body stands for them, where nobody sees it.
+        middles = case.body.mean(axis=1, keepdims=True)
+        frames = zip(case.points, own, middles, strict=True)
+        some = [cloud[chosen] if chosen.any() else middle for cloud, chosen, middle in frames]
+        return np.stack([np.resize(each, (most, 3)) for each in some])
 
     none, its = np.zeros((0, 3), dtype=np.int32), case.labels == label
     write_parts(

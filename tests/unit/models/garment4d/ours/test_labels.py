@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.learning_data.sequences import CloudData
+from drapeline.learning_data.sequences import CloudData, collect_clouds
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.ours.body_maps import body_map
 from drapeline.models.garment4d.ours.labels import (
@@ -24,7 +24,7 @@ from drapeline.models.training.checkpoints import read_checkpoint, write_checkpo
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENT_TYPES, LABELS
 from drapeline.seeding import rng_for
-from toys.garment4d import LABELLING, save_toy_tops
+from toys.garment4d import LABELLING, save_toy_tops, toy_bodies, toy_sequences
 from toys.garment4d_stages import train_toy_labels
 from toys.histories import column
 
@@ -282,8 +282,8 @@ def test_shares_of_labels_are_those_of_the_training_points_of_the_sources(everyo
 
 
 @pytest.fixture
-def labelled(data):
-    return LabelledClouds(data, frames=3, stride=3, sources=BOTH)
+def labelled(clouds):
+    return LabelledClouds(clouds, frames=3, stride=3, sources=BOTH)
 
 
 @pytest.fixture
@@ -410,13 +410,15 @@ def test_two_trainings_with_all_clouds_end_with_the_same_weights(everyone, tmp_p
         torch.testing.assert_close(value, second.weights[key], msg=key)
 
 
-def test_a_training_is_told_by_its_clouds(trained_labels, everyone, folder, tmp_path):
+def test_a_training_is_told_by_its_clouds(trained_labels, folder, toy_body, tmp_path):
+    collect_clouds(tmp_path / "fewer", toy_sequences(toy_body), toy_bodies(toy_body))
+
     def digest(out):
         return json.loads((out / "settings.json").read_text())["data"]
 
     same, other = (
         train_toy_labels(tmp_path, name, data, BRIEF)
-        for name, data in (("same", folder / "data"), ("other", tmp_path / "labelled"))
+        for name, data in (("same", folder / "labelled"), ("other", tmp_path / "fewer"))
     )
     assert digest(same) == digest(trained_labels) != digest(other)
 

@@ -99,20 +99,22 @@ def unfitted(labelling, sequences):
     return toy_guesser(labelling, sequences)
 
 
-def test_the_regression_is_fitted_to_maps_of_clouds_as_they_are_and_worse(unfitted, data):
-    known = fit_regression(unfitted, data)
+def test_the_regression_is_fitted_to_maps_of_clouds_as_they_are_and_worse(unfitted, data, clouds):
+    known = fit_regression(unfitted, data, clouds)
     train = data.of_split("train").tolist()
     assert sorted(known) == [(sequence, worse) for sequence in train for worse in (False, True)]
-    plain, worse = (data.on_body, data.labels), (data.on_worse_body, data.worse_labels)
     maps, owners, kinds = [], [], []
     for sequence, start in data.windows("train", 3, 3).tolist():
-        rows = slice(data.start[sequence] + start, data.start[sequence] + start + 3)
-        for places, labels in (plain, worse):
-            on_body = torch.from_numpy(np.array(places[rows]))
-            chosen = torch.from_numpy(labels[rows] == data.label)
+        plain, worse = data.rows(sequence), clouds.rows_of(data.name[sequence])
+        for is_worse, places, labels in (
+            (False, data.on_body[plain], data.labels[plain]),
+            (True, clouds.on_worse_body[worse], clouds.worse_labels[worse]),
+        ):
+            on_body = torch.from_numpy(np.array(places[start : start + 3]))
+            chosen = torch.from_numpy(labels[start : start + 3] == data.label)
             maps.append(garment_maps(on_body[None], chosen[None])[0].numpy())
             owners.append(sequence)
-            kinds.append(labels is data.worse_labels)
+            kinds.append(is_worse)
     again = MapRegression(*maps[0].shape, len(data.space.components))
     left_out, _ = again.fit(np.stack(maps), data.coefficients[owners], owners, data.space.metric())
     for name in REGRESSION:
@@ -126,9 +128,9 @@ def test_the_regression_is_fitted_to_maps_of_clouds_as_they_are_and_worse(unfitt
         np.testing.assert_allclose(alpha, left_out[own].mean(axis=0), atol=1e-3)
 
 
-def test_a_training_sequence_is_estimated_without_itself(unfitted, sequences, data):
+def test_a_training_sequence_is_estimated_without_itself(unfitted, sequences, data, clouds):
     """So that it is as wrong as for new garments: the fit with it knows its garment by heart."""
-    known = fit_regression(unfitted, data)
+    known = fit_regression(unfitted, data, clouds)
     for sequence in data.of_split("train").tolist():
         alpha = known[sequence, False]
         seen = sequences.seen(sequence, data.labels[data.rows(sequence)])
@@ -140,24 +142,27 @@ def test_a_training_sequence_is_estimated_without_itself(unfitted, sequences, da
 
 
 def test_with_one_training_sequence_every_guess_is_the_mean_garment(
-    unfitted, sequences, data, held_out, caplog
+    unfitted, data, clouds, held_out, caplog
 ):
     data.split = data.split.copy()
     data.split[data.of_split("train")[1:]] = "test"
-    assert fit_regression(unfitted, data) == {}
+    assert fit_regression(unfitted, data, clouds) == {}
     assert "only one training sequence: all first guesses are the mean garment" in caplog.text
     np.testing.assert_allclose(unfitted.guess(held_out).canonical, data.space.mean, atol=1e-6)
 
 
 def test_the_final_step_is_shown_estimates_without_the_sequence_and_new_ones_in_validation(
-    guesser, sequences, data
+    guesser, sequences, data, clouds
 ):
     known = {(4, False): np.array([1.0, 2.0]), (5, True): np.array([3.0, 4.0])}
-    guesses = list(guess_all(guesser, sequences, known))
+    guesses = list(guess_all(guesser, sequences, clouds, known))
     # The other sequence of the validation split is moved by skinning, and has no folds.
     assert [one.sequence for one in guesses] == [4, 5, 7]
     for one, worse in zip(guesses, (False, True, False), strict=True):
-        seen = sequences.seen(one.sequence, worse=worse)
+        seen = sequences.seen(one.sequence)
+        if worse:
+            rows = clouds.rows_of(data.name[one.sequence])
+            seen = seen._replace(points=clouds.worse_points[rows])
         own = guesser.guess(seen)
         np.testing.assert_array_equal(one.seen.points, seen.points)
         np.testing.assert_array_equal(one.seen.labels, own.labels)
@@ -171,10 +176,10 @@ def test_the_final_step_is_shown_estimates_without_the_sequence_and_new_ones_in_
 
 
 @pytest.fixture
-def fitted(unfitted, sequences):
+def fitted(unfitted, sequences, clouds):
     """What a training ends with: the guesser, and the final step."""
-    known = fit_regression(unfitted, sequences.data)
-    guesses = guess_all(unfitted, sequences, known)
+    known = fit_regression(unfitted, sequences.data, clouds)
+    guesses = guess_all(unfitted, sequences, clouds, known)
     skinning = SkinningSettings(**POSED["skinning"])
     step = fit_final_step(sequences, skinning, guesses, RefineSettings(rounds=2), "skinned")
     assert step.correction is not None
