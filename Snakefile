@@ -29,6 +29,7 @@ include: "workflow/rules/gcvae_pictures.smk"
 include: "workflow/rules/garment4d.smk"
 include: "workflow/rules/smplicit.smk"
 include: "workflow/rules/evaluation.smk"
+include: "workflow/rules/release.smk"
 include: "workflow/rules/report.smk"
 
 

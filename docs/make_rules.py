@@ -38,6 +38,7 @@ STAGES = {
     "smplicit_images": "SMPLicit on your own pictures",
     "smplicit_scans": "SMPLicit on your own scans",
     "evaluation": "Comparison of all models",
+    "release": "To be passed on",
     "report": "Report",
 }
 
@@ -46,13 +47,16 @@ def rules_of(file: str) -> dict[str, str]:
     """Rules of a file of the workflow that run a script -> what they do, in a sentence."""
     found: dict[str, str] = {}
     text = (ROOT / f"workflow/rules/{file}.smk").read_text()
-    for block in re.split(r"^(?=rule \w+:$)", text, flags=re.MULTILINE):
+    # Some rules are there in some experiments alone, and indented.
+    for block in re.split(r"^ *(?=rule \w+:$)", text, flags=re.MULTILINE):
         name = re.match(r"rule (\w+):", block)
         script = re.search(r'"\.\./\.\./(scripts/\w+\.py)"', block)
         if name and script:
             docstring = ast.get_docstring(ast.parse((ROOT / script[1]).read_text())) or ""
             about = " ".join(docstring.split("\n\n")[0].partition(": ")[2].split())
             found[name[1]] = about[:1].upper() + about[1:]
+    for used, name in re.findall(r"^ *use rule (\w+) as (\w+)", text, re.MULTILINE):
+        found[name] = found[used]
     return found
 
 

@@ -28,6 +28,8 @@ def main() -> None:
     except (InputError, OSError) as error:
         sys.exit(f"drapeline: {error}")
     except ModuleNotFoundError as error:
+        if "drapeline[" in str(error):  # it says itself what brings it
+            sys.exit(f"drapeline: {error}")
         extra = "pipeline" if sys.argv[1:2] == ["check-config"] else "dress"
         sys.exit(
             f"drapeline: needs {error.name}, which is not installed; expected drapeline with the"

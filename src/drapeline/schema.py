@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from drapeline.errors import DamagedFile, InputError
-from drapeline.storage import read_rows, write_rows
+from drapeline.storage import atomic_file, read_rows, write_rows
 
 Table: TypeAlias = pd.DataFrame
 _KINDS: dict[type, type] = {int: np.int64, float: float}  # of numbers; a whole number has 64 bits
@@ -129,6 +129,29 @@ def write_table(path: str | Path, table: Table, schema: Schema) -> None:
             form = f"{{:{column.text}}}".format
             texts[name] = ["" if pd.isna(value) else form(value) for value in table[name]]
     write_rows(path, texts.to_dict("records"), table.columns)
+
+
+def write_parquet(path: str | Path, table: Table) -> None:
+    """Write a table as Parquet.
+
+    Raises:
+        InputError: the folder is not writable or the disk is full.
+    """
+    with atomic_file(path) as scratch:
+        table.to_parquet(scratch, index=False)
+
+
+def typed(table: Table, schema: Schema) -> Table:
+    """A table whose columns that the schema does not name are numbers where all texts are.
+
+    Empty ones become NaN.
+    """
+    found = {}
+    for name in table:
+        numbers = pd.to_numeric(table[name], errors="coerce")
+        texts = numbers.isna() & ~table[name].isin(_UNMEASURED)
+        found[name] = table[name] if name in schema.columns or texts.any() else numbers
+    return pd.DataFrame(found)
 
 
 def _check_columns(schema: Schema, found: list[str], path: str | Path) -> None:

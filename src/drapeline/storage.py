@@ -426,7 +426,8 @@ def load_npz(
         sizes: of axes that are known.
 
     Returns:
-        The arrays in the file's order. To ask for one that is not there is an InputError.
+        The arrays in the file's order, those in half precision as single. To ask for one that is
+        not there is an InputError.
 
     Raises:
         InputError: the file is missing, unreadable, lacks an array, or one is not as declared, too
@@ -445,11 +446,16 @@ def load_npz(
                 if key in unread:
                     arrays[key] = np.broadcast_to(np.zeros((), header.dtype), header.shape)
                 else:
-                    arrays[key] = read_array(stream, header)
+                    arrays[key] = _whole(read_array(stream, header))
         for key, array in arrays.items():
             with _naming(path, key):
                 declared.check_values(forms[key], array)
     return arrays
+
+
+def _whole(array: np.ndarray) -> np.ndarray:
+    """An array in single precision if it was stored in half."""
+    return array.astype(np.float32) if array.dtype == np.float16 else array
 
 
 _PLAIN = {str: "str", int: "int", float: "number", bool: "bool", tuple[str, ...]: "str *"}

@@ -22,7 +22,14 @@ import trimesh
 import yaml
 from PIL import Image
 
-from drapeline.bodies.model import BodyModel, load_body, save_body
+from drapeline.bodies.model import (
+    BodyModel,
+    free_body,
+    keep_body,
+    load_body,
+    load_kept_body,
+    save_body,
+)
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
@@ -35,7 +42,7 @@ from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
 from drapeline.dataset.scene_part import ScenePart
-from drapeline.dataset.segmented_scans import SegmentedScan, load_scans, save_scans
+from drapeline.dataset.segmented_scans import ScanWindow, SegmentedScan, load_scans, save_scans
 from drapeline.dataset.settings import CloudSettings
 from drapeline.dataset.worst_frame import read_worst_frame
 from drapeline.dataset.writer import write_sample
@@ -55,6 +62,7 @@ from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.manifest import damages, write_manifest
+from drapeline.metrics.cost import Cost, read_costs, write_costs
 from drapeline.metrics.predictions import (
     FittedPicture,
     PersonShown,
@@ -69,6 +77,7 @@ from drapeline.models.garment4d.ours.labels import LabelStage
 from drapeline.models.garment4d.stages import (
     CanonicalStage,
     PosedStage,
+    keep_bodies,
     load_seen_forms,
     load_stage,
     save_seen_forms,
@@ -654,7 +663,9 @@ def _make_stages(folder: Path) -> None:
         out.mkdir()
         write_checkpoint(out / BEST, stage.state_dict(), stage.checkpoint_metadata())
     save_seen_forms(folder / "posed", sequences)
-    fit_toy_model(folder / "ours", folder / "labels", sequences)
+    keep_bodies(folder / "labels", bodies())
+    save_toy_tops(folder / "labelled", body())
+    fit_toy_model(folder / "ours", folder / "labels", sequences, CloudData(folder / "labelled"))
 
 
 def _make_field_model(folder: Path) -> None:
@@ -790,6 +801,9 @@ def _make_metrics(folder: Path) -> None:
     write_metrics(folder / "metrics.tsv", metric_table(rows))
 
 
+COSTS = [Cost("scan", variant, 0.5, 12, 800.0) for variant in ("svae_scan", "ours")]
+
+
 def _make_sources(folder: Path) -> None:
     sources = Sources(ROOT / "src", memory=str(folder / "sources.json"))
     sources.digest(ROOT / "scripts" / "collect_metrics.py")
@@ -812,6 +826,12 @@ def _make_scans(folder: Path) -> None:
         "female",
         standing,
         None,
+        ScanWindow(
+            np.zeros((3, 40, 3), np.float32),
+            np.zeros((3, 40), np.uint8),
+            np.tile(REST_POSE, (3, 1)),
+            np.zeros((3, 3)),
+        ),
     )
     save_scans(folder / "scans.npz", [one], [standing])
 
@@ -849,6 +869,11 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("source_digests", _make_sources, _digest)
     yield Loader(
         "body", lambda f: save_body(f / "body.npz", body()), lambda f: load_body(f / "body.npz")
+    )
+    yield Loader(
+        "kept_body",
+        lambda f: keep_body(f / "body.npz", load_body(free_body("female")), "female"),
+        lambda f: load_kept_body(f / "body.npz", "female"),
     )
     for protocol in (2, 4):
         yield Loader(
@@ -922,6 +947,7 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader("manifest", _make_manifest, lambda f: list(damages(f, sums=True)), "*.tsv")
     yield Loader("metrics", _make_metrics, lambda f: read_metrics(f / "metrics.tsv"))
+    yield Loader("costs", lambda f: write_costs(f, COSTS), lambda f: read_costs([f]))
     yield Loader("gallery_tables", _make_gallery_tables, read_gallery_tables)
     yield Loader(
         "templates",
@@ -998,6 +1024,7 @@ def _loaders() -> Iterator[Loader]:
     yield Loader(
         "label_stage", _make_stages, lambda f: load_stage(f / "labels", LabelStage), "labels/*"
     )
+    yield Loader("label_model", _make_stages, lambda f: load(f / "labels"), "labels/**/*.*")
     for name in ("posed", "ours"):
         yield Loader(
             f"{name}_model", _make_stages, lambda f, name=name: load(f / name), f"{name}/*"

@@ -8,34 +8,10 @@ import pytest
 
 from drapeline.models.smplicit.model import SmplicitModel
 from toys.gallery import TubeField, save_toy_model, training_codes
+from toys.jobs import Named
 from toys.threads import THREADS
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-
-
-class Named(list):
-    """Files of a job: by position and by name, as Snakemake's own; a name may have a list."""
-
-    def __init__(self, *files, **named):
-        self._named = {
-            name: [*map(str, path)] if isinstance(path, list) else str(path)
-            for name, path in named.items()
-        }
-        super().__init__(map(str, files))
-        for path in self._named.values():
-            self.extend(path if isinstance(path, list) else [path])
-
-    def __getattr__(self, name):
-        try:
-            return self._named[name]
-        except KeyError:
-            raise AttributeError(name) from None
-
-    def __getitem__(self, key):
-        return self._named[key] if isinstance(key, str) else super().__getitem__(key)
-
-    def get(self, name, default=None):
-        return self._named.get(name, default)
 
 
 @pytest.fixture(scope="session")
@@ -60,6 +36,7 @@ def run_rule(tmp_path_factory):
             params=SimpleNamespace(**params),
             wildcards=SimpleNamespace(**(wildcards or {})),
             log=[str(logs / f"{script}.log")],
+            scriptdir=str(SCRIPTS),
             threads=threads,
         )
         runpy.run_path(str(SCRIPTS / f"{script}.py"), {"snakemake": job}, "__main__")

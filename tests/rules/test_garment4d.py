@@ -89,7 +89,7 @@ def trained(run_rule, folder, bodies, sequences):
     def ours(name):
         if name == "labels":
             params = {"settings": LABELLING, "trainer": {"accelerator": "cpu"}}
-            return "ours.train:train_labels", {"data": folder / "labelled"}, params
+            return "ours.train:train_labels", {"data": folder / "labelled", **bodies}, params
         given = {"data": folder / "data", "clouds": folder / "labelled", **bodies}
         given["labels"] = train("labels")
         params = {

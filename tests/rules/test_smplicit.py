@@ -7,6 +7,7 @@ from drapeline.bodies.model import save_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
+from drapeline.metrics.cost import read_costs
 from drapeline.metrics.table import read_metrics
 from drapeline.models.smplicit.representation import load_held_out
 from toys.outfits_at_rest import save_static
@@ -89,6 +90,8 @@ def test_held_out_garments_are_evaluated(made):
         ("s6", "Skirt"),
         ("s7", "Skirt"),
     ]
+    (cost,) = read_costs([made / "evaluated"]).itertuples()
+    assert (cost.model, cost.variant, cost.garments) == ("representation", "skirt", 2)
 
 
 def test_pages_and_figures_are_made(made, run_rule, tmp_path):

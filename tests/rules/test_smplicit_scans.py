@@ -9,6 +9,7 @@ from drapeline.bodies.model import posed_vertices, save_body
 from drapeline.dataset.segmented_scans import load_scans
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.obj import load_obj
+from drapeline.metrics.cost import read_costs
 from drapeline.metrics.predictions import BODY, TRUE, load_fitted_scans
 from drapeline.metrics.table import read_metrics
 from drapeline.storage import save_npz
@@ -57,14 +58,20 @@ def test_scans_of_a_sample_have_a_fitted_body(scanned):
     assert not np.array_equal(body.rotations, scan.estimate.rotations)
 
 
-@pytest.mark.parametrize("frames", [0, 2])
-def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path, frames):
+@pytest.mark.parametrize(
+    ("frames", "kind", "model"),
+    [(0, "noisy", "scan"), (2, "noisy", "scan"), (0, "worse", "worse_scan")],
+)
+def test_held_out_scans_get_garments_rows_and_a_sheet(
+    run_rule, scanned, skirt, tmp_path, frames, kind, model
+):
     sample, scans = scanned
     run_rule(
         "drapeline.models.smplicit.scans.evaluate:fit_to_scans",
         input={"scans": [scans], "samples": [sample.parent], "models": [skirt]},
         output=[tmp_path / "scans"],
         params={
+            "kind": kind,
             "split": "test",
             "body": BODY_FIT,
             "fit": FIT | {"hang_frames": frames},
@@ -74,6 +81,10 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         },
     )
     rows = read_metrics(tmp_path / "scans/metrics.tsv")
+    assert set(rows["model"]) == {model}
+    costs = read_costs([tmp_path / "scans"])
+    assert set(costs["model"]) == {model}
+    assert set(costs["variant"]) == {name for name in rows["variant"] if "body" not in name}
     assert set(rows["variant"]) == {
         *(f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")),
         *(f"smplicit_scan_{name}" for name in ("nearest_hung", "hung", "hung_moved") if frames),
@@ -95,9 +106,12 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         assert still.vertices.shape == moved.vertices.shape
         assert not np.allclose(still.vertices, moved.vertices, atol=1e-4)
     assert {TRUE, BODY} <= set(shown)
-    run_rule(
-        "tabulate_scans", input=[tmp_path / "scans/metrics.tsv"], output=[tmp_path / "page.html"]
-    )
+    evaluated = {
+        "noisy": ("tabulate_scans", tmp_path / "scans/metrics.tsv"),
+        "worse": ("tabulate_systems", tmp_path / "scans"),
+    }
+    page, given = evaluated[kind]
+    run_rule(page, input=[given], output=[tmp_path / "page.html"])
     assert "SMPLicit, fitted code" in (tmp_path / "page.html").read_text()
     run_rule(
         "plot_scans",

@@ -1,14 +1,15 @@
 """Small procedural stand-ins for what takes long to make."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import KDTree
 from skimage.measure import marching_cubes
 
-from drapeline.bodies.model import BodyModel
-from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.bodies.model import BodyModel, save_body
+from drapeline.frames import GENDERS, JOINT_NAMES, PARENTS
 from drapeline.geometry.mesh import face_normals
 
 # Joint positions of a 1.7 m person, left side (x > 0), SMPL frame; the pelvis is not at the origin.
@@ -74,6 +75,14 @@ def toy_body(cell_m: float = 0.036) -> BodyModel:
         segmentation=weights.argmax(axis=1).astype(np.int32),
         name="toy-1",
     )
+
+
+def save_toy_bodies(folder: Path) -> dict[str, Path]:
+    """Files by gender, of the same body."""
+    files = {gender: folder / f"{gender}.npz" for gender in GENDERS}
+    for path in files.values():
+        save_body(path, toy_body())
+    return files
 
 
 def mirror_joints() -> np.ndarray:

@@ -3,10 +3,8 @@
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-from drapeline.job import Job
 from drapeline.learning_data.sequences import CloudData
 from drapeline.models.garment4d.data import BodySequences, Windows
 from drapeline.models.garment4d.ours.final_step import fit_final_step
@@ -30,7 +28,9 @@ from drapeline.models.garment4d.train import train_stage
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.lightning import TrainingRun
 from drapeline.registration.settings import RefineSettings
+from toys.bodies import save_toy_bodies
 from toys.garment4d import LABELLING, POSED
+from toys.jobs import job_of
 from toys.threads import THREADS
 
 
@@ -68,9 +68,10 @@ def train_toy_labels(
     values: Mapping[str, Mapping[str, Any]] = LABELLING,
 ) -> Path:
     """Train the labels of our model on a folder of clouds; the folder `name` that it leaves."""
-    params = SimpleNamespace(settings=values, trainer={"accelerator": "cpu"})
-    progress = str(folder / ".progress" / name)
-    train_labels(Job(SimpleNamespace(data=data), [folder / name], params, THREADS, "c", progress))
+    given = {"data": data, **save_toy_bodies(folder / "bodies")}
+    progress = folder / ".progress" / name
+    trainer = {"accelerator": "cpu"}
+    train_labels(job_of(given, folder / name, progress, settings=values, trainer=trainer))
     return folder / name
 
 

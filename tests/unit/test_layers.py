@@ -118,7 +118,9 @@ SHARED_BY_MODELS = {
 SHARED_BY_MODELS["contract"] = {"contract"}
 SHARED_BY_MODELS["registry"] = {"registry"}
 SHARED_BY_MODELS["compare"] = {"contract", "compare"}
+SHARED_BY_MODELS["protocol"] = {"contract", "compare", "pictures", "protocol"}
 SHARED_BY_MODELS["load"] = {"registry", "training"}
+SHARED_BY_MODELS["package"] = {"registry", "training", "package"}
 
 
 def test_models_share_layers_and_training_and_nothing_else():

@@ -2,10 +2,20 @@
 
 import math
 
+import pandas as pd
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.schema import Column, Schema, check_table, make_table, read_table, write_table
+from drapeline.schema import (
+    Column,
+    Schema,
+    check_table,
+    make_table,
+    read_table,
+    typed,
+    write_parquet,
+    write_table,
+)
 
 FRUIT = Schema(
     "a table of fruit",
@@ -77,3 +87,29 @@ def test_further_columns_are_text_where_a_schema_allows_them(tmp_path):
     table = make_table(open_schema, [APPLE | {"colour": "red"}])
     write_table(tmp_path / "t.tsv", table, open_schema)
     assert read_table(tmp_path / "t.tsv", open_schema)["colour"].tolist() == ["red"]
+
+
+def test_further_columns_become_numbers_where_all_of_their_values_are(tmp_path):
+    open_schema = FRUIT._replace(more=True)
+    rows = [
+        APPLE | {"name": "007", "width": "0.25", "ripe": "3", "hue": "1", "origin": "12"},
+        APPLE | {"name": "008", "width": "1e-3", "ripe": "4", "hue": "", "origin": "Kent"},
+    ]
+    write_table(tmp_path / "t.tsv", make_table(open_schema, rows), open_schema)
+    table = read_table(tmp_path / "t.tsv", open_schema)
+    write_parquet(tmp_path / "t.parquet", typed(table, open_schema))
+    found = pd.read_parquet(tmp_path / "t.parquet")
+    assert found["name"].tolist() == ["007", "008"]
+    assert found["width"].tolist() == [0.25, 0.001]
+    assert found["ripe"].tolist() == [3, 4]
+    assert found["hue"].isna().tolist() == [False, True]
+    assert found["hue"][0] == 1
+    assert found["origin"].tolist() == ["12", "Kent"]
+    for name in ("count", "kg", "price"):
+        assert found[name].tolist() == [APPLE[name]] * 2
+
+
+def test_a_parquet_file_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"t\.parquet: cannot be written .*expected a writable"):
+        write_parquet(tmp_path / "file" / "t.parquet", make_table(FRUIT, [APPLE]))

@@ -271,6 +271,14 @@ def test_npz_round_trip_keeps_arrays_strings_and_dtypes(tmp_path):
     assert int(arrays["count"]) == 2
 
 
+def test_half_precision_is_read_as_single(tmp_path):
+    path, x = tmp_path / "a.npz", np.linspace(-2, 2, 7)
+    save_npz(path, half=x.astype(np.float16), double=x, count=np.arange(3, dtype=np.int16))
+    arrays = load_npz(path, {"half": "float n", "double": "float n", "count": "int *"})
+    assert [arrays[name].dtype for name in ("half", "double", "count")] == ["f4", "f8", "i2"]
+    np.testing.assert_array_equal(arrays["half"], x.astype(np.float16))
+
+
 def test_object_arrays_are_never_written(tmp_path):
     with pytest.raises(TypeError, match="'bad' is an object array"):
         save_npz(tmp_path / "a.npz", bad=np.array([{}], dtype=object))

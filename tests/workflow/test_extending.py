@@ -96,6 +96,7 @@ import numpy as np
 from stranger.train import Toy
 
 from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.cost import write_costs
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.table import summarise, write_evaluation
 from drapeline.models.compare import compare_representations
@@ -123,8 +124,8 @@ def evaluate(job):
 def compare(job):
     mesh = Mesh(np.float32([[0, 0, 0.01], [1, 0, 0.01], [0, 1, 0.01]]), np.int32([[0, 1, 2]]))
     garments = [HeldOutGarment(0, "s00001", "Skirt", mesh)]
-    rows = compare_representations(garments, [Flat()], split="test", seed=0)
-    write_evaluation(job.output[0], rows)
+    rows, costs = compare_representations(garments, [Flat()], split="test", seed=0)
+    write_evaluation(job.output[0], rows, lambda made: write_costs(made, costs))
 
 
 def show(job):

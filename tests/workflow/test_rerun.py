@@ -40,12 +40,15 @@ TASKS = {
     for name, plan in PLANS.items()
     for folder, task in tasks_of(plan).items()
 }
+PARTS = ("upper", "trousers", "skirt", "whole")
+SCANS = ("scans", "clean_scans", "worse_scans")
 # Whose garments hang, or are simulated.
 SIMULATED = {
-    *("smplicit/evaluated/images", "smplicit/evaluated/scans", "gcvae/evaluated/dynamic_floor"),
+    *("smplicit/evaluated/images", "gcvae/evaluated/dynamic_floor", "gcvae/evaluated/moved_again"),
+    *(f"{name}/evaluated/{scans}" for name in ("garment4d", "smplicit") for scans in SCANS),
     *(f"garment4d/{garment}/ours" for garment in GARMENTS),
-    *(f"garment4d/evaluated/{name}" for name in ("Skirt", "Skirt_ablations", "floor", "scans")),
-    *(f"smplicit/pose_smplicit_{name}" for name in ("upper", "trousers", "skirt", "whole")),
+    *(f"garment4d/evaluated/{name}" for name in ("Skirt", "Skirt_ablations", "floor")),
+    *(f"smplicit/pose_smplicit_{name}" for name in PARTS),
 }
 EVALUATED = {name for name in TASKS if name.startswith("gcvae/evaluated/")}
 TRAINED = {
@@ -61,12 +64,28 @@ TRAINED = {
 READERS = {
     *("export_sample", "plot_group", "render_gallery", "render_modalities", "render_people"),
     *("sample_clouds", "scan_samples", "view_example", "view_sample", "smplicit/evaluated/images"),
-    *(f"{name}/evaluated/scans" for name in ("gcvae", "garment4d", "smplicit")),
-    *("gcvae/animated", "gcvae/show_gcvae_animated"),
+    *(f"{name}/evaluated/{task}" for name in PLANS for task in (*SCANS, "moved")),
+    *("gcvae/animated", "gcvae/show_gcvae_animated", "gcvae/evaluated/moved_again"),
+    *("write_protocol", "score_predictions"),
+}
+# What leaves bodies beside a model, of free ones their version, and what loads such models.
+KEEPERS = {
+    *("fit_own_scans", "fit_picture", "reconstruct_garment", "smplicit/plot_smplicit"),
+    # Also those whose codes are of another size.
+    *(
+        name
+        for name in TASKS
+        if re.fullmatch(rf"smplicit/(evaluated/)?({'|'.join(PARTS)})(_\d+)?", name)
+    ),
+    *(f"smplicit/gallery/{name}" for name in PARTS),
+    *(f"smplicit/pose_smplicit_{name}" for name in PARTS),
+    *("garment4d/labels", "garment4d/evaluated/Skirt", "garment4d/evaluated/Skirt_ablations"),
+    *(f"garment4d/{garment}/ours" for garment in GARMENTS),
+    *TRAINED["garment4d"],
 }
 # Function, method or constant -> the scripts and tasks that run it.
 CASES = {
-    "drapeline.bodies.model:free_body": READERS | {"copy_body"},
+    "drapeline.bodies.model:free_body": READERS | KEEPERS | {"copy_body"},
     "drapeline.motions.retarget:retarget": {"import_motion"},
     "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | SIMULATED | {"make_outfits"},
     "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG | SIMULATED,
@@ -77,11 +96,15 @@ CASES = {
     # How networks are trained is nothing to those who use them.
     "drapeline.models.garment4d.losses:posed_loss": TRAINED["garment4d"],
     "drapeline.models.gcvae.train:train_vae": TRAINED["gcvae"],
-    "drapeline.models.gcvae.movers:move_by_model": {"gcvae/animated"},
+    "drapeline.models.gcvae.movers:move_by_model": {"gcvae/animated", "gcvae/evaluated/moved"},
+    "drapeline.dataset.segmented_scans:scan_sample": {"scan_samples"},
+    "drapeline.models.protocol:write_protocol": {"write_protocol"},
+    "drapeline.report.models.systems:write_systems_page": {"tabulate_systems"},
     "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
     # Much imports this module, and a few call this.
     "drapeline.metrics.garment:normal_error_deg": EVALUATED
-    - {f"gcvae/evaluated/{name}" for name in ("pictures", "representations", "scans")},
+    - {f"gcvae/evaluated/{name}" for name in ("pictures", "representations", *SCANS)}
+    - {f"gcvae/evaluated/{name}" for name in ("moved", "moved_again", "other_codes")},
 }
 
 

@@ -2,6 +2,8 @@
 
 import ast
 import re
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -93,3 +95,17 @@ def test_functions_of_rules_have_names(path):
     for rule in rules:
         for decorator in rule.decorator_list:
             assert not any(isinstance(node, ast.Lambda) for node in ast.walk(decorator)), rule.name
+
+
+def test_a_scheduler_that_is_asked_to_look_again_and_again_looks_once():
+    text = (ROOT / "workflow/rules/common.smk").read_text()
+    (source,) = re.findall(r"^def wake_once.*?(?=^\S)", text, re.DOTALL | re.MULTILINE)
+    names = {"threading": threading, "time": time}
+    exec(source, names)
+    scheduler = SimpleNamespace(_open_jobs=threading.Semaphore(0))
+    for _ in range(5):
+        names["wake_once"](scheduler, 1)
+    assert scheduler._open_jobs.acquire(timeout=10)
+    assert not scheduler._open_jobs.acquire(timeout=2)
+    names["wake_once"](scheduler, 1)
+    assert scheduler._open_jobs.acquire(timeout=10)

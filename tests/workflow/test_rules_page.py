@@ -18,6 +18,7 @@ def test_every_rule_is_listed_or_named_as_a_target():
     listed = dict(re.findall(r"^\| `(\w+)` \| (?:.* \| )?(\S.*) \|$", PAGE, re.MULTILINE))
     only_targets = re.search(r"only name targets\n\((.*?)\)", PAGE, re.DOTALL)[1]
     texts = [file.read_text() for file in FILES]
-    rules = {name for text in texts for name in re.findall(r"^rule (\w+):", text, re.M)}
-    rules |= {name for text in texts for name in re.findall(r"^use rule \w+ as (\w+)", text, re.M)}
+    rules = {name for text in texts for name in re.findall(r"^ *rule (\w+):", text, re.M)}
+    use = r"^ *use rule \w+ as (\w+)"
+    rules |= {name for text in texts for name in re.findall(use, text, re.M)}
     assert rules <= {*listed, *re.findall(r"\w+", only_targets)}

@@ -1,5 +1,6 @@
 """The workflow as Snakemake reads it: plans of each size, refusals before any job."""
 
+import os
 import re
 
 import numpy as np
@@ -172,3 +173,29 @@ def test_a_target_that_does_not_exist_is_refused(project, tmp_path):
     meant = tmp_path / "results/samples/dataset/00001"
     assert f"did you mean {meant}?" in run.stderr + run.stdout
     assert not (tmp_path / "results").exists()
+
+
+def test_a_folder_of_answers_is_scored_under_its_name_however_it_is_given(project, tmp_path):
+    mesh = tmp_path / "mine/motion/00001_001/Skirt.obj"
+    mesh.parent.mkdir(parents=True)
+    mesh.touch()
+    config = with_settings(tmp_path)[-1]
+    words = ["--dry-run", "compare_systems", "score", "--configfile", config, "--config"]
+    for folder in (os.path.relpath(tmp_path / "mine", project), f"{tmp_path}/mine/"):
+        run = snakemake(project, *words, f"predictions={folder}")
+        assert run.returncode == 0, run.stderr
+        jobs = dict(
+            re.findall(r"^rule (\w+):\n((?: .*\n)+)", run.stdout + run.stderr, re.MULTILINE)
+        )
+        scored = str(tmp_path / "results/scores/mine")
+        assert f"output: {scored}\n" in jobs["score_predictions"]
+        assert "Skirt.obj" in jobs["score_predictions"]
+        assert scored in jobs["tabulate_score"]
+        assert scored in jobs["tabulate_systems"]
+
+
+def test_scoring_without_a_folder_of_answers_is_refused(project, tmp_path):
+    config = with_settings(tmp_path)[-1]
+    run = snakemake(project, "--dry-run", "score", "--configfile", config)
+    assert run.returncode != 0
+    assert "predictions is not set, expected a folder of meshes" in run.stderr + run.stdout

@@ -1,6 +1,9 @@
 import os
 import sys
+import threading
+import time
 from functools import cache
+from glob import glob
 from pathlib import Path
 
 import yaml
@@ -8,6 +11,7 @@ from snakemake.cli import get_argument_parser
 from snakemake.exceptions import WorkflowError
 from snakemake.io import WILDCARD_REGEX, get_wildcard_constraints
 from snakemake.logging import logger
+from snakemake.scheduling.job_scheduler import JobScheduler
 
 # Of drapeline, which may be a module of another workflow or work in another folder.
 ROOT = Path(str(workflow.current_basedir)).parents[1]
@@ -28,6 +32,7 @@ from drapeline.experiment.old_keys import refuse_old_keys
 from drapeline.experiment.source_digest import Sources
 from drapeline.experiment.targets import explain_target
 from drapeline.frames import GENDERS
+from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import models
 from drapeline.motions.table import FrameCounts, MotionTable
 from drapeline.preflight import find_slurm_problem, slurm_config
@@ -93,6 +98,24 @@ def tell_left_out():
             f"{MOTION_TABLE.path}: goes without {', '.join(missing)}, whose files are not there;"
             " motions.folder may name the folder that they are in."
         )
+
+
+def wake_once(scheduler, delay):
+    """Let a scheduler look for jobs after so many seconds, once for all who ask meanwhile.
+
+    Snakemake's own asks for another look at every look, and at every job's end for one more: after a
+    hundred jobs it looks ten times in a second, which takes a quarter of a core.
+    """
+    now = time.monotonic()
+    if now < getattr(scheduler, "wakes_at", 0):
+        return
+    scheduler.wakes_at = now + delay
+    timer = threading.Timer(delay, scheduler._open_jobs.release)
+    timer.daemon = True
+    timer.start()
+
+
+JobScheduler._schedule_reevalutation = wake_once
 
 
 def check_cluster():

@@ -80,7 +80,7 @@ rule tabulate_scans:
 
 rule plot_scans:
     input:
-        scans=FILES.known_scans["scans"],
+        scans=FILES.known_scans(NOISY)["scans"],
         evaluated=METRIC_TABLES.get("scans", []),
     output:
         report(
@@ -105,3 +105,106 @@ rule plot_scans:
         code=source_hash("plot_scans"),
     script:
         "../../scripts/plot_scans.py"
+
+
+rule write_protocol:
+    # What models are asked and are told, for methods from elsewhere.
+    input:
+        **PROTOCOL_INPUT,
+    output:
+        directory(f"{RESULTS}/protocol"),
+    log:
+        f"{LOGS}/write_protocol.log",
+    benchmark:
+        f"{BENCHMARKS}/write_protocol.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        told=PROTOCOL_TOLD,
+        code=source_hash("write_protocol"),
+    script:
+        "../../scripts/write_protocol.py"
+
+
+rule protocol:
+    # The questions that all models are asked, as files, for a method from elsewhere.
+    input:
+        rules.write_protocol.output,
+
+
+rule tabulate_systems:
+    input:
+        METRIC_TABLES["systems"],
+    output:
+        report(
+            f"{RESULTS}/report/systems.html",
+            caption="../report/systems.rst",
+            category="Models",
+            labels={"shows": "all systems on the same samples"},
+        ),
+    log:
+        f"{LOGS}/tabulate_systems.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_systems.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_systems"),
+    script:
+        "../../scripts/tabulate_systems.py"
+
+
+rule compare_systems:
+    # All systems asked the same questions on the same held-out samples.
+    input:
+        rules.tabulate_systems.output,
+        f"{RESULTS}/systems.tsv",
+
+
+if config["predictions"]:
+
+    rule score_predictions:
+        input:
+            **PROTOCOL_INPUT,
+            meshes=sorted(glob(f"{config['predictions']}/*/*/*.obj")),
+        output:
+            directory(SCORE),
+        log:
+            f"{LOGS}/score_predictions.log",
+        benchmark:
+            f"{BENCHMARKS}/score_predictions.tsv"
+        conda:
+            "../../envs/geometry.yaml"
+        threads: 1
+        resources:
+            mem_mb=1500,
+            runtime=60,
+        params:
+            told={**PROTOCOL_TOLD, "predictions": config["predictions"]},
+            code=source_hash("score_predictions"),
+        script:
+            "../../scripts/score_predictions.py"
+
+    use rule tabulate_systems as tabulate_score with:
+        input:
+            SCORE,
+        output:
+            f"{RESULTS}/report/score.html",
+        log:
+            f"{LOGS}/tabulate_score.log",
+        benchmark:
+            f"{BENCHMARKS}/tabulate_score.tsv"
+
+
+rule score:
+    # A method from elsewhere, measured by the folder of meshes that predictions names.
+    input:
+        scored,

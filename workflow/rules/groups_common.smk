@@ -2,7 +2,8 @@
 import re
 from dataclasses import asdict
 
-from drapeline.dataset.record import outfit_text, read_meta
+from drapeline.dataset.record import SPLITS, outfit_text, read_meta
+from drapeline.dataset.settings import CLEAN, NOISY, SCAN_KINDS, WORSE
 from drapeline.experiment.cloth_solvers import CLOTH_SOLVERS, QUICK_SOLVER
 from drapeline.experiment.files import ExperimentFiles
 from drapeline.outfits.settings import own_garments

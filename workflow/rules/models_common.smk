@@ -46,6 +46,10 @@ METRIC_TABLES = {
     for evaluation in plan.evaluations.values()
     for table in evaluation.tables
 }
+# Of a method that answers with a folder of meshes.
+SCORE = f"{RESULTS}/scores/{Path(config['predictions'] or '-').resolve().name}"
+if config["predictions"]:
+    METRIC_TABLES["systems"] += [SCORE]
 METRIC_TABLES["metrics"] += [
     *METRIC_TABLES["representations"],
     *METRIC_TABLES.get("scans", []),
@@ -203,3 +207,66 @@ def stages_of_jobs():
     for name, (model, _) in FIGURES.items():
         stages[f"{name}/"] = MODELS[model].title
     return stages
+
+
+# What all models are asked.
+PICTURED = pictured_samples(FILES)
+PROTOCOL_INPUT = {
+    **WHOLE_BODIES,
+    "data": FILES.static,
+    "outfits": FILES.outfits_at_rest,
+    "samples": sorted(
+        {
+            *FILES.known_scans(CLEAN)["samples"],
+            *FILES.shards_of(
+                FILES.samples,
+                [name for key in ("samples", "others") for name in PICTURED[key]],
+            ),
+        }
+    ),
+    **{f"{kind}_scans": FILES.known_scans(kind)["scans"] for kind in (CLEAN, WORSE)},
+}
+PROTOCOL_TOLD = {
+    **PICTURED,
+    "garments": FILES.compared_garments,
+    "seed": config["seed"],
+}
+
+
+def scored(wildcards):
+    """Input function: the page of a method that answers with a folder of meshes."""
+    if not config["predictions"]:
+        raise WorkflowError(
+            "predictions is not set, expected a folder of meshes; docs/how-to/compare.md"
+        )
+    return f"{RESULTS}/report/score.html"
+
+
+# Trained models that come with drapeline, by name, and what they were trained on.
+PACKAGES = {
+    name: package for plan in PLANS.values() for name, package in plan.packages.items()
+}
+PACKAGED_FROM = {
+    "seed": config["seed"],
+    "samples": {
+        split: {
+            "sequences": sum(
+                plan.split == split for plan in FILES.moving_plans.values()
+            ),
+            "outfits at rest": sum(
+                plan.split == split for plan in FILES.resting_plans.values()
+            ),
+        }
+        for split in SPLITS
+    },
+    "clips": {
+        split: sorted(
+            {
+                plan.sequence
+                for plan in FILES.moving_plans.values()
+                if plan.split == split
+            }
+        )
+        for split in SPLITS
+    },
+}

@@ -6,9 +6,11 @@ rule scan_samples:
     output:
         FILES.scans,
     log:
-        f"{LOGS}/scan_samples/{{group}}_{{shard}}.log",
+        f"{LOGS}/scan_samples/{{kind}}_{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/scan_samples/{{group}}_{{shard}}.tsv"
+        f"{BENCHMARKS}/scan_samples/{{kind}}_{{group}}_{{shard}}.tsv"
+    wildcard_constraints:
+        kind="|".join(SCAN_KINDS),
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -17,7 +19,7 @@ rule scan_samples:
         runtime=shard_minutes(15),
     params:
         samples=scanned_of_shard,
-        scans=lookup(dpath="scans/samples", within=config),
+        scans=lookup(dpath="scans/{kind}", within=config),
         body=lookup(dpath="scans/body", within=config),
         seed=config["seed"],
         code=source_hash("scan_samples"),

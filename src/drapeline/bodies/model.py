@@ -1,7 +1,7 @@
 """SMPL-format bodies: the model, and its posed vertices."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 
@@ -14,8 +14,9 @@ from drapeline.bodies.kinematics import (
     skin_planes,
 )
 from drapeline.bodies.smpl_files import read_body_arrays
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS, PARENTS
-from drapeline.storage import save_npz
+from drapeline.storage import load_npz, save_npz
 
 # Of the free bodies; raised whenever they are baked anew, which makes everything anew.
 FREE_BODY_VERSION = 1
@@ -80,6 +81,37 @@ def load_body(path: str | Path) -> BodyModel:
         segmentation=a["segmentation"],
         name=str(a["name"]),
     )
+
+
+_KEPT = {"free_body?": "int"}
+
+
+def keep_body(path: str | Path, body: BodyModel, gender: str) -> None:
+    """Write a body for `load_kept_body`; of the free one, only which version it is."""
+    free = load_body(free_body(gender))
+    if all(
+        np.array_equal(getattr(body, one.name), getattr(free, one.name)) for one in fields(free)
+    ):
+        save_npz(path, free_body=FREE_BODY_VERSION)
+    else:
+        save_body(path, body)
+
+
+def load_kept_body(path: str | Path, gender: str) -> BodyModel:
+    """A body beside a model that was trained on it.
+
+    Raises:
+        InputError: the file is no body, or stands for another version of the free one.
+    """
+    version = load_npz(path, _KEPT).get("free_body") if Path(path).is_file() else None
+    if version is None:
+        return load_body(path)
+    if version != FREE_BODY_VERSION:
+        raise InputError(
+            f"{path}: made with version {int(version)} of the free body, expected"
+            f" {FREE_BODY_VERSION}"
+        )
+    return load_body(free_body(gender))
 
 
 def load_bodies(files: Mapping[str, str | Path]) -> dict[str, BodyModel]:

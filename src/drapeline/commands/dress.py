@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import drapeline
 from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.commands.health_table import health_lines
 from drapeline.commands.outputs import FOLDER_FORMATS, check_output, write_output
@@ -15,6 +16,7 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.generation.dressed_clip import dress_clip
 from drapeline.generation.settings import BodySettings, OutfitSettings
+from drapeline.geometry.obj import save_obj
 from drapeline.motions.importing import import_motion
 from drapeline.motions.variation import cut_piece
 from drapeline.outfits.fabrics import FABRICS
@@ -64,6 +66,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[TYPE=]FILE",
         help=f"a garment of your own, an OBJ on the rest body, for one of {', '.join(GARMENTS)};"
         " without the type it is found out",
+    )
+    parser.add_argument(
+        "--model",
+        nargs="?",
+        const="gcvae",
+        metavar="NAME",
+        help="draw garments from a trained model of garments at rest, one that comes with drapeline"
+        " or a folder (without a name: gcvae), in place of cutting them; needs drapeline[torch]",
     )
     parser.add_argument(
         "--mend",
@@ -118,16 +128,19 @@ def run(args: argparse.Namespace) -> int:
             )
     body = load_body(args.body or free_body(args.gender))
     own = dict(_own_garment(text, body, args) for text in args.garment)
+    wanted = outfit_type(args.outfit, list(own))
     bmi = _BMI if args.bmi is None else (args.bmi, args.bmi)
     outfit = {} if args.edge_length is None else {"edge_length_m": args.edge_length}
     with TemporaryDirectory(prefix="drapeline-") as name:
         sample = Path(name, outputs[0].stem or "dressed")
+        if args.model:
+            own |= _drawn(args, [one for one in wanted.split("+") if one not in own], Path(name))
         meta = dress_clip(
             sample,
             motion,
             body,
             gender=args.gender,
-            outfit_type=outfit_type(args.outfit, list(own)),
+            outfit_type=wanted,
             own=own,
             fabric=args.fabric,
             bodies=BodySettings(shape_range=_SHAPE_RANGE, bmi_range=bmi),
@@ -164,6 +177,26 @@ def _own_garment(text: str, body: BodyModel, args: argparse.Namespace) -> tuple[
         _known(name) or garment_type(path, body, mend=args.mend),
         OwnGarment(path=path, fabric=args.fabric, mend=args.mend),
     )
+
+
+def _drawn(args: argparse.Namespace, types: Sequence[str], folder: Path) -> dict[str, OwnGarment]:
+    """Garments that a model draws for the rest body, by type.
+
+    Raises:
+        InputError: there is no such model, or it knows no garment of a type.
+        ModuleNotFoundError: drapeline[torch] is not installed.
+    """
+    model = drapeline.load(args.model)
+    found = {}
+    for name in types:
+        (drawn,) = model.sample(
+            1, name, gender=args.gender, shape=[0.0] * 10, tightness=[0.0, 0.0], seed=args.seed
+        )
+        path = folder / f"{name}.obj"
+        save_obj(path, drawn.mesh)
+        found[name] = OwnGarment(path=str(path), fabric=args.fabric)
+        LOGGER.info("%s: drawn from %s", name, args.model)
+    return found
 
 
 def _known(name: str) -> str:

@@ -6,6 +6,37 @@ from typing import Any
 
 from drapeline.dataset.record import SPLITS, SampleRecord
 
+# What a card says of a dataset as it is made, and of one that is released.
+_INDEX = """\
+  data_files: samples.tsv
+  sep: "\\t"
+"""
+_RELEASED_INDEX = "  data_files: samples.parquet\n"
+_RIGHTS = (
+    "Garments and simulations were generated; the authors of drapeline claim no rights in them."
+    " The body model and the motion clips keep their licences: a dataset made with a licensed SMPL"
+    " file or with your own motion capture may be redistributed only as far as those licences"
+    " allow."
+)
+_RELEASED_RIGHTS = (
+    "The dataset is under the [Creative Commons Attribution 4.0 International"
+    " licence](https://creativecommons.org/licenses/by/4.0/), see `LICENSE`. Its bodies derive from"
+    " Anny (CC0 data); the clips that moved them keep their own licences and are not contained."
+)
+
+
+def released_card(card: str) -> str:
+    """The card of a dataset that is released, from that of the dataset."""
+    for made, released in (
+        ("license: other", "license: cc-by-4.0"),
+        (_INDEX, _RELEASED_INDEX),
+        (_RIGHTS, _RELEASED_RIGHTS),
+    ):
+        if made not in card:
+            raise ValueError(f"the card lacks '{made:.40}'")
+        card = card.replace(made, released)
+    return card
+
 
 def dataset_card(
     records: Sequence[SampleRecord], tables: Mapping[str, Sequence[Mapping[str, Any]]]
@@ -65,9 +96,7 @@ size_categories:
 - {size}
 configs:
 - config_name: samples
-  data_files: samples.tsv
-  sep: "\\t"
----"""
+{_INDEX}---"""
 
 
 def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -219,11 +248,7 @@ _LIMITS = """\
 def _licence(records: Sequence[SampleRecord]) -> str:
     clips = sorted({r.meta["motion"]["source"] for r in records if r.meta["motion"]["source"]})
     return (
-        "Garments and simulations were generated; the authors of drapeline claim no rights in"
-        " them. The body model and the motion clips keep their licences: a dataset made with a"
-        " licensed SMPL file or with your own motion capture may be redistributed only as far as"
-        " those licences allow. Clips used:"
-        f" {_join(clips)}.\n\n"
+        f"{_RIGHTS} Clips used: {_join(clips)}.\n\n"
         "If you use the data, please cite the software that made it (`CITATION.cff` of drapeline)"
         " and the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV"
         " 2020."

@@ -1,12 +1,13 @@
 """Segmented scans: points of a dressed person, each known to be skin or cloth of a garment.
 
 They come from simulated samples, with noise and a body that is off by as much as an estimate, or
-from a user's files. P points of a scan.
+from a user's files. P points of a scan, T frames of a window around one.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,25 @@ from drapeline.storage import load_npz, save_npz
 OTHER = 255  # label of cloth of garments that are not looked for
 
 
+class ScanWindow(NamedTuple):
+    """Frames in a row, the scanned one in the middle, with the body as estimated or as fitted."""
+
+    points: np.ndarray  # (T, P, 3) float32 metres, relative to the body's root joint
+    labels: np.ndarray  # (T, P) uint8
+    poses: np.ndarray  # (T, 72) axis-angles, rad
+    trans: np.ndarray  # (T, 3) of the root joint, metres above the floor
+
+    @property
+    def middle(self) -> int:
+        """The scanned frame."""
+        return len(self.points) // 2
+
+    def shifted(self, shift: np.ndarray) -> "ScanWindow":
+        """With the root joint elsewhere, by (3,) metres in all frames."""
+        points = (self.points - shift).astype(np.float32)
+        return self._replace(points=points, trans=self.trans + shift)
+
+
 @dataclass(frozen=True)
 class SegmentedScan:
     """One frame of a dressed person."""
@@ -37,6 +57,7 @@ class SegmentedScan:
     gender: str  # "female" or "male"
     estimate: BodyState  # the body as estimated, in the same world
     joints: np.ndarray | None  # (24, 3) predicted there, or None
+    window: ScanWindow | None = None  # for models of sequences
 
     @property
     def skin(self) -> np.ndarray:
@@ -61,31 +82,65 @@ def scan_sample(
 ) -> list[SegmentedScan]:
     """Scans of some frames of a simulated sample, relative to the root joint.
 
-    Estimates have the mean shape, and joints and rotations that are off at random.
+    Joints and rotations of estimates are off at random, by the same in all frames of a window, and
+    their shape is the mean one unless the settings say otherwise.
 
     Args:
         sample: accepted.
         settings: how many, and how far estimates are off.
     """
-    clouds = CloudSettings(points=settings.points, noise_m=settings.noise_m, seed=seed)
+    clouds = CloudSettings(
+        points=settings.points,
+        noise_m=settings.noise_m,
+        visibility=settings.visibility,
+        missing=settings.missing,
+        seed=seed,
+    )
     garments = layered(sample.garments)
     meshes = [sample.body_mesh(), *map(sample.mesh, garments)]
     names = (BODY, *garments)
+    turn_rad = 0.0
+    if settings.visibility != "all":
+        turn_rad = rng_for(seed, "scan", sample.id, "cameras").uniform(0, 2 * np.pi)
     sampler = CloudSampler(
-        [(mesh.triangles, label) for mesh, label in zip(meshes, names, strict=True)], clouds
+        [(mesh.triangles, label) for mesh, label in zip(meshes, names, strict=True)],
+        clouds,
+        turn_rad=turn_rad,
     )
-    scans = []
-    for index in range(settings.frames):
-        frame = (2 * index + 1) * sample.frame_count // (2 * settings.frames)
+
+    def cloud(frame: int) -> tuple[np.ndarray, np.ndarray]:
         parts = [
             sample.body_vertices(frame, frame + 1, frame="root")[0],
             *(sample.vertices(name, frame, frame + 1, "root")[0] for name in garments),
         ]
         rngs = CloudRngs(*(rng_for(seed, "scan", sample.id, frame, part) for part in range(2)))
-        points, labels = sampler.sample(parts, rngs)
+        return sampler.sample(parts, rngs)
+
+    scans = []
+    for index in range(settings.frames):
+        frame = (2 * index + 1) * sample.frame_count // (2 * settings.frames)
         pose, shape = sample.info.poses[frame].astype(float), sample.info.shape
         rng = rng_for(seed, "scan", sample.id, frame, "estimate")
         _, joints = posed_vertices(body, shape, pose[None])
+        turned = rng.normal(scale=settings.pose_rad, size=72)
+        moved = rng.normal(scale=settings.place_m, size=3)
+        joints = joints[0] + rng.normal(scale=settings.joints_m, size=(24, 3))
+        estimated = np.zeros(10)
+        if settings.shape is not None:
+            estimated = shape + rng.normal(scale=settings.shape, size=10)
+        window = None
+        if settings.window > 1:
+            # Towards the ends of a sample there are fewer frames on both sides.
+            reach = min(settings.window // 2, frame, sample.frame_count - frame - 1)
+            taken = slice(frame - reach, frame + reach + 1)
+            clouds_around = [cloud(number) for number in range(taken.start, taken.stop)]
+            window = ScanWindow(
+                np.stack([places for places, _ in clouds_around]),
+                np.stack([codes for _, codes in clouds_around]),
+                sample.info.poses[taken] + turned,
+                np.array(sample.info.trans[taken], dtype=float),
+            ).shifted(moved)
+        points, labels = cloud(frame)
         scans.append(
             SegmentedScan(
                 f"{sample.id}_{frame:03d}",
@@ -94,12 +149,9 @@ def scan_sample(
                 labels,
                 garments,
                 sample.gender,
-                BodyState.of(
-                    pose + rng.normal(scale=settings.pose_rad, size=72),
-                    rng.normal(scale=settings.place_m, size=3),
-                    np.zeros(10),
-                ),
-                joints[0] + rng.normal(scale=settings.joints_m, size=(24, 3)),
+                BodyState.of(pose + turned, moved, estimated),
+                joints,
+                window,
             )
         )
     return scans
@@ -177,6 +229,8 @@ def save_scans(
             "gender": scan.gender,
             "joints": np.zeros((0, 3)) if scan.joints is None else scan.joints,
         }
+        if scan.window is not None:
+            part |= {f"window_{key}": value for key, value in scan.window._asdict().items()}
         part |= {f"estimate/{key}": value for key, value in scan.estimate._asdict().items()}
         part |= {f"body/{key}": value for key, value in body._asdict().items()}
         arrays |= {f"{scan.name}/{key}": value for key, value in part.items()}
@@ -194,6 +248,10 @@ _ARRAYS = {
     "*/rotations": "float 24 3 3",
     "*/trans": "float 3",
     "*/shape": "float 10",
+    "*/window_points": "float * * 3",
+    "*/window_labels": "int * *",
+    "*/window_poses": "float * 72",
+    "*/window_trans": "float * 3",
 }
 
 
@@ -212,6 +270,9 @@ def _scan(arrays: Mapping[str, np.ndarray], name: str) -> tuple[SegmentedScan, B
         return BodyState(*(arrays[f"{name}/{key}/{part}"] for part in BodyState._fields))
 
     part = {key: arrays[f"{name}/{key}"] for key in ("frame", "garments", "gender", "joints")}
+    window = None
+    if f"{name}/window_points" in arrays:
+        window = ScanWindow(*(arrays[f"{name}/window_{key}"] for key in ScanWindow._fields))
     scan = SegmentedScan(
         name,
         int(part["frame"]),
@@ -221,5 +282,6 @@ def _scan(arrays: Mapping[str, np.ndarray], name: str) -> tuple[SegmentedScan, B
         str(part["gender"]),
         state("estimate"),
         part["joints"] if len(part["joints"]) else None,
+        window,
     )
     return scan, state("body")

@@ -6,6 +6,8 @@ from drapeline.settings import Field, Settings, SkipJsonSchema
 
 Visibility = Literal["all", "multi", "single"]
 Protocol = Literal["surface", "vertices"]
+# Ways in which held-out samples are scanned, keys of the settings `scans`.
+SCAN_KINDS = NOISY, CLEAN, WORSE = "noisy", "clean", "worse"
 
 
 class CloudSettings(Settings):
@@ -34,12 +36,28 @@ class CloudSettings(Settings):
 
 
 class ScanSettings(Settings):
-    """Scans of samples, and errors of the estimates of their bodies."""
+    """Scans of samples, and errors of the estimates of their bodies.
+
+    A body is known where none of its errors is more than zero.
+    """
 
     frames: int = Field(
         1, ge=1, le=300, description="Scans of each sample, evenly spread over its frames."
     )
+    window: int = Field(
+        1,
+        ge=1,
+        le=300,
+        description=(
+            "Frames that are scanned together, as many before the one to be measured as after it; "
+            "models of single frames see that one alone."
+        ),
+    )
     points: int = Field(20_000, ge=100, le=10_000_000, description="Points of a scan.")
+    visibility: Visibility = Field(
+        "all", description="Cameras: everything seen from around, four at the sides, or one."
+    )
+    missing: float = Field(0, ge=0, le=0.9, description="Share of the points that holes take away.")
     noise_m: float = Field(
         0.002,
         ge=0,
@@ -67,6 +85,19 @@ class ScanSettings(Settings):
         le=1,
         description="Standard deviation of each coordinate of predicted joints, in metres.",
     )
+    shape: float | None = Field(
+        None,
+        ge=0,
+        le=3,
+        description=(
+            "Standard deviation of each estimated shape coefficient; null estimates the mean shape."
+        ),
+    )
+
+    @property
+    def body_is_known(self) -> bool:
+        """Whether the estimate is the body itself."""
+        return not any((self.pose_rad, self.place_m, self.joints_m, self.shape is None, self.shape))
 
 
 class OwnScans(Settings):

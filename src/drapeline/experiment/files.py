@@ -72,8 +72,8 @@ class ExperimentFiles:
 
     @property
     def scans(self) -> str:
-        """Pattern of segmented scans."""
-        return f"{self.results}/scans/{{group}}/{{shard}}.npz"
+        """Pattern of segmented scans of a kind."""
+        return f"{self.results}/scans/{{kind}}/{{group}}/{{shard}}.npz"
 
     def motion(self, clip: MotionEntry) -> str:
         """An imported clip, at the length that it is repeated to."""
@@ -209,11 +209,11 @@ class ExperimentFiles:
             "registrations": self.per_shard(self.registrations, self.moving),
         }
 
-    @property
-    def known_scans(self) -> dict[str, list[str]]:
-        """Scans, and the samples that they are of."""
+    def known_scans(self, kind: str) -> dict[str, list[str]]:
+        """Scans of one of `dataset.settings.SCAN_KINDS`, and the samples that they are of."""
+        scans = self.scans.replace("{kind}", kind)
         return {
-            "scans": self.shards_of(self.scans, self.scanned),
+            "scans": self.shards_of(scans, self.scanned),
             "samples": self.shards_of(self.samples, self.scanned),
         }
 

@@ -29,6 +29,7 @@ _MOVED = {
     "learning": "groups.learning",
     "static": "groups.static",
     "scans.learning": "scans.count",
+    "scans.samples": "scans.noisy",
     "smplicit.evaluate_images.learning": "smplicit.evaluate_images.others",
 }
 

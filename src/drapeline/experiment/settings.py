@@ -311,7 +311,29 @@ class Scans(Settings):
     scans.
     """
 
-    samples: ScanSettings = Field(ScanSettings(), description="How a sample is scanned.")
+    noisy: ScanSettings = Field(
+        ScanSettings(), description="Single frames, from all around, of a body that is estimated."
+    )
+    clean: ScanSettings = Field(
+        ScanSettings(window=31, points=8000, noise_m=0, pose_rad=0, place_m=0, joints_m=0, shape=0),
+        description="Exact points of a body that is known; for `compare_systems`.",
+    )
+    worse: ScanSettings = Field(
+        ScanSettings(
+            window=31,
+            points=8000,
+            noise_m=0.01,
+            visibility="single",
+            missing=0.3,
+            pose_rad=0.05,
+            place_m=0.02,
+            shape=0.5,
+        ),
+        description=(
+            "What one camera sees, with noise and holes, of a body that is estimated; for "
+            "`compare_systems`."
+        ),
+    )
     count: int = Field(
         12,
         ge=0,
@@ -354,6 +376,16 @@ class Renders(Settings):
     )
 
 
+class Release(Settings):
+    """The dataset as it is published by `snakemake release`."""
+
+    name: str = Field(
+        "clothed-humans-in-motion", min_length=1, description="Of the dataset, for machines."
+    )
+    creator: str = Field("drapeline", min_length=1, description="Who publishes it.")
+    version: str = Field("1.0.0", min_length=1, description="Of the dataset.")
+
+
 class Experiment(Settings):
     """All settings of an experiment. Units are part of the key names. Every key has a default,
     which a key takes that a config file omits; a key that is not listed here stops the run.
@@ -373,6 +405,15 @@ class Experiment(Settings):
     registration: Registration = Field(Registration(), title="Registration to the body")
     scans: Scans = Field(Scans(), title="Segmented scans")
     renders: Renders = Field(Renders(), title="Pictures")
+    release: Release = Field(Release(), title="Release")
+    predictions: str | None = Field(
+        None,
+        min_length=1,
+        description=(
+            "Folder of meshes by which another method answers the cases of `snakemake protocol`; "
+            "its name is the method's."
+        ),
+    )
 
 
 def experiment_with(models: Mapping[str, type[Settings]]) -> type[Experiment]:

@@ -172,25 +172,14 @@ def _blocks(data: np.ndarray) -> Iterator[np.ndarray]:
 Predictor = Callable[[int], tuple[np.ndarray, np.ndarray]]
 
 
-def static_baselines(
-    offsets: np.ndarray,
-    mask: np.ndarray,
-    garment: np.ndarray,
-    cvar: np.ndarray,
-    train: np.ndarray,
-    pca: GarmentPca,
-    *,
-    types: int,
-) -> dict[str, Predictor]:
-    """Name -> function from a row to its predicted offsets (V, 3) in metres and mask (V,).
+def garment_baselines(garments: StaticRows) -> dict[str, Predictor]:
+    """Name -> function from a row to its guessed offsets (V, 3) in metres and mask (V,).
 
-    Args:
-        offsets, mask, garment, cvar: (N, ...) of all rows.
-        train: (n,) rows to learn from; of the others, only the row asked for is read.
-        pca: of the same rows.
-        types: number of garment types.
+    They are fitted to the training split, and know the type and conditioning variables of a row.
     """
-    mean = fit_mean_garment(offsets, mask, garment, train, types)
+    offsets, mask, garment = garments.offsets, garments.mask, garments.garment
+    train, cvar = garments.rows("train"), garments.cvar(np.arange(len(garments.garment)))
+    mean = fit_mean_garment(offsets, mask, garment, train, len(GARMENTS))
 
     def nearest(row: int) -> tuple[np.ndarray, np.ndarray]:
         (neighbour,) = nearest_rows(cvar, garment, train, [row])
@@ -199,7 +188,6 @@ def static_baselines(
     return {
         "mean_garment": lambda row: (mean.offsets[garment[row]], mean.mask[garment[row]]),
         "nearest_cvar": nearest,
-        "pca": lambda row: pca.reconstruct(offsets[row]),
     }
 
 
@@ -217,16 +205,8 @@ def static_baseline_summary(
         splits: split -> rows to measure.
         pca: of the training rows.
     """
-    everything = np.arange(len(garments.garment))
-    predictors = static_baselines(
-        garments.offsets,
-        garments.mask,
-        garments.garment,
-        garments.cvar(everything),
-        garments.rows("train"),
-        pca,
-        types=len(GARMENTS),
-    )
+    predictors = garment_baselines(garments)
+    predictors["pca"] = lambda row: pca.reconstruct(garments.offsets[row])
     found = []
     for split, rows in splits.items():
         measured = {"registered": measure_truth(truth, rows)}

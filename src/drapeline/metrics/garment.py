@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from drapeline.geometry.closest import closest_on_mesh, closest_points
-from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within
+from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within, loop_count
 from drapeline.geometry.warp_mesh import warp_mesh
 
 CONTACT_STEP = 5  # of the frames of garments in motion in which contact and surfaces are measured
@@ -127,6 +127,34 @@ def area_distance_and_faces(mesh: Mesh, other: Mesh) -> tuple[float, np.ndarray]
     sides = corners[:, 1:] - corners[:, :1]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return float(np.average(means, weights=area)), nearest[len(points) - len(corners) :]
+
+
+def mesh_measures(mesh: Mesh, true: Mesh) -> dict[str, float]:
+    """Measures of a garment of any topology against the one it stands for.
+
+    Returns:
+        `surface_to_true_mm` and `true_to_surface_mm` over the area; `normal_error_deg`, the angle
+        between normals at the faces and at the nearest true ones; `openings_right`, whether there
+        are as many openings. The first three are NaN where nothing is left of the garment.
+    """
+    to_true = to_mesh = normal_error = float("nan")
+    same = False
+    if len(mesh.faces):
+        to_true, nearest = area_distance_and_faces(mesh, true)
+        to_mesh = area_distance_mm(true, mesh)
+        cosine = np.einsum(
+            "fi,fi->f",
+            face_normals(mesh.vertices, mesh.faces),
+            face_normals(true.vertices, true.faces[nearest]),
+        )
+        normal_error = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+        same = loop_count(mesh.faces) == loop_count(true.faces)
+    return {
+        "surface_to_true_mm": to_true,
+        "true_to_surface_mm": to_mesh,
+        "normal_error_deg": normal_error,
+        "openings_right": float(same),
+    }
 
 
 def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:

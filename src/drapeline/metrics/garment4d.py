@@ -73,7 +73,11 @@ VARIANTS = {
     },
     "representation": {
         "garment4d_pca": Variant("PCA of Garment4D's templates"),
+        "garment4d_pca_*": Variant("PCA of Garment4D's templates, {} numbers"),
         "template_registered": Variant("No code: registered to the template", competes=False),
+    },
+    "moved": {
+        "moved_interpolated": Variant("Garment4D, interpolated skinning"),
     },
     "scan": {
         "garment4d_scan_pca": Variant(

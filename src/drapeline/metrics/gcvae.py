@@ -28,6 +28,7 @@ VARIANTS = {
         "svae_as_printed": Variant(
             "Garment VAE as printed, without any of these and with its loss"
         ),
+        "svae_*": Variant("Garment VAE, {} numbers"),
     },
     "dvae": {
         f"dvae_{version}_{frames}{end}": Variant(
@@ -55,10 +56,18 @@ VARIANTS = {
     "representation": {
         "static_ppca": Variant(_PPCA),
         "svae": Variant("Garment VAE"),
+        "svae_*": Variant("Garment VAE, {} numbers"),
         "body_pca": Variant("PCA of offsets"),
         "static_ppca_*": Variant(f"{_PPCA}, {{}} numbers"),
         "body_pca_*": Variant("PCA of offsets, {} numbers"),
+        "mean_garment": Variant("Mean garment of the type"),
+        "nearest_cvar": Variant("Nearest training garment in shape, gender and tightness"),
         "body_registered": Variant("No code: registered to the body", competes=False),
+    },
+    "moved": {
+        "moved_wrinkle_mlp": Variant("Network from motion to wrinkles (ours)"),
+        "moved_dynamic_ppca": Variant(_PPCA),
+        "moved_dvae_unposed_4": Variant("Garment VAE, X_new, 4 frames"),
     },
     "scan": {
         "static_ppca_scan": Variant(f"{_PPCA}, fitted code", short="Masked PPCA:\ncode"),

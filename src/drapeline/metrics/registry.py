@@ -40,11 +40,15 @@ def variant(model: str, name: str) -> Variant:
     return Variant(name)
 
 
+# What the rows of cleaner and of worse scans are of as well.
+_SAME = {"clean_scan": "scan", "worse_scan": "scan"}
+
+
 def variants(model: str) -> Mapping[str, Variant]:
     """All declared variants of a model, in order."""
     found: dict[str, Variant] = {}
     for module in _modules():
-        found |= module.VARIANTS.get(model, {})
+        found |= module.VARIANTS.get(_SAME.get(model, model), {})
     return found
 
 

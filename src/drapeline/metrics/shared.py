@@ -17,6 +17,7 @@ METRICS = {
     "pieces": Metric("", "Pieces", 2, better=""),
     "surface_to_true_mm": Metric("mm", "To the true garment"),
     "true_to_surface_mm": Metric("mm", "From the true garment"),
+    "openings_right": Metric("%", "Right openings", 0, 100, better=LARGER),
     "rest_to_true_mm": Metric("mm", "At rest, to the true garment"),
     "true_to_rest_mm": Metric("mm", "At rest, from the true garment"),
     "code_numbers": Metric("", "Numbers of the code", 0, better=""),
@@ -43,6 +44,12 @@ VARIANTS = {
         "again_other_solver": Variant(
             "The same garment, simulated by the fast solver", competes=False
         ),
+    },
+    "moved": {
+        "again_rest_shape": Variant(
+            "Simulated again by its own solver, its rest shape changed by 1 mm", competes=False
+        ),
+        "again_other_solver": Variant("Simulated by the fast solver", competes=False),
     },
     "scan": {
         "scan_body_estimated": Variant("Body as estimated"),

@@ -8,7 +8,6 @@ METRICS = {
     "field_space_mm": Metric("mm", "In the whole box", 2),
     "walls_to_true_mm": Metric("mm", "To the true garment"),
     "true_to_walls_mm": Metric("mm", "From the true garment"),
-    "openings_right": Metric("%", "Right openings", 0, 100, better=LARGER),
     "silhouette_iou": Metric("", "Silhouette IoU", 2, better=LARGER),
     "better_than_mean_share": Metric("%", "Better than the mean code", 0, 100, better=LARGER),
     "fit_s": Metric("s", "Time of the fit"),
@@ -44,7 +43,14 @@ VARIANTS = {
         for name, held in _HELD.items()
     }
     | {f"{MODEL}_images_{name}": pictured for name, pictured in _PICTURED.items()},
-    "representation": {MODEL: Variant("SMPLicit, fitted code")},
+    "representation": {
+        MODEL: Variant("SMPLicit, fitted code"),
+        f"{MODEL}_*": Variant("SMPLicit, fitted code, {} numbers"),
+    },
+    "moved": {
+        "moved_nearest": Variant("SMPLicit, skinned by the body's nearest vertex"),
+        "moved_smoothed": Variant("Skinned by smoothed weights"),
+    },
     "scan": {
         "smplicit_scan_start": Variant(
             "SMPLicit, mean code on the estimated body (the start)", short="SMPLicit:\nthe start"

@@ -1,9 +1,11 @@
-"""All models compared, on the same held-out garments and on the same segmented scans.
+"""All models compared: held-out garments at rest, moved, and found in segmented scans.
 
 The scans are compared as in SMPLicit 4.2 and table 2.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import resource
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -16,24 +18,39 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import clip_name, solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
+from drapeline.dataset.settings import CLEAN, NOISY, WORSE
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.job import Job
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.garment import area_distances_mm
+from drapeline.metrics.cost import Cost, write_costs
+from drapeline.metrics.garment import mesh_measures
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import BODY, FITTED, TRUE, Fits, save_fitted_scans
 from drapeline.metrics.properties import COMMON, measure_properties, scan_class
 from drapeline.metrics.table import ALL, join, summarise, write_evaluation
-from drapeline.models.contract import HeldOutGarment, Representation, ScanFitter
-from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENT_TYPES, GARMENTS
+from drapeline.models.contract import (
+    HeldOutGarment,
+    Mover,
+    MovingPerson,
+    Representation,
+    ScanFitter,
+    Stopwatch,
+)
+from drapeline.outfits.garment_types import (
+    GARMENT4D_TYPES,
+    GARMENT_TYPES,
+    GARMENTS,
+    layered,
+)
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
 # Of the rows in the table of metrics.
-REPRESENTATION, SCAN = "representation", "scan"
+REPRESENTATION, SCAN, MOVED = "representation", "scan", "moved"
+SCANNED = {NOISY: SCAN, CLEAN: "clean_scan", WORSE: "worse_scan"}  # kind of scans -> the same
 
 
 def held_out_garments(
@@ -68,8 +85,8 @@ def compare_representations(
     *,
     split: str,
     seed: int,
-) -> Table:
-    """Distances between garments as they were made and as rebuilt, and the size of each code.
+) -> tuple[Table, list[Cost]]:
+    """Garments as rebuilt measured against those that were made, and the size of each code.
 
     A code cannot give back what registration has lost. What a decoder knows besides the code, such
     as the body's shape, does not count towards its size.
@@ -77,31 +94,52 @@ def compare_representations(
     Args:
         garments: of `split`.
         split: named in the rows.
+
+    Returns:
+        Rows, and what encoding and decoding took.
     """
-    tables = []
+    tables, costs = [], []
     for representation in representations:
         variant = representation.variant
-        rows = []
-        rebuilt = progress(representation.rebuild(garments), total=len(garments), label=variant)
+        rows, watch = [], Stopwatch()
+        rebuilt = _counted(representation.rebuild(garments), watch, variant)
+        rebuilt = progress(rebuilt, total=len(garments), label=variant)
         for garment, mesh in zip(garments, rebuilt, strict=True):
-            to_true, to_rebuilt = area_distances_mm(mesh, garment.mesh)
-            measured = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_rebuilt}
+            measured = mesh_measures(mesh, garment.mesh)
             numbers = representation.code_numbers(garment.garment)
             if numbers is not None:
                 measured["code_numbers"] = numbers
             rows.append(Measured(garment.outfit, garment.garment, measured))
+        costs.append(cost_so_far(REPRESENTATION, variant, watch.seconds[variant], len(rows)))
         tables.append(
             summarise(
                 rows, model=REPRESENTATION, variant=variant, split=split, seed=seed, by_source=False
             )
         )
-    return join(tables)
+    return join(tables), costs
+
+
+def _counted(meshes: Iterator[Mesh], watch: Stopwatch, variant: str) -> Iterator[Mesh]:
+    """The same meshes, while what each takes is counted."""
+    while True:
+        with watch.of(variant):
+            mesh = next(meshes, None)
+        if mesh is None:
+            return
+        yield mesh
+
+
+def cost_so_far(model: str, variant: str, seconds: float, garments: int) -> Cost:
+    """Of a variant, given its seconds in all, and the most memory that this job has taken."""
+    megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return Cost(model, variant, seconds / max(garments, 1), garments, megabytes)
 
 
 class KnownScan(NamedTuple):
     """A scan of a simulated sample."""
 
     scan: SegmentedScan  # with what is known of it
+    person: MovingPerson  # who was scanned, up to this frame
     body: BodyState  # fitted to it
     clip: str  # that the sample moves through
     source: str  # cloth solver that moved the garments
@@ -150,73 +188,134 @@ def _known(
             name: Mesh(sample.vertices(name, frame, frame + 1, "root")[0], mesh.faces)
             for name, mesh in rest.items()
         }
-        pose = sample.info.poses[frame].astype(np.float64)
-        vertices, _ = posed_vertices(body, shape, pose[None])
-        known.append(KnownScan(scan, fitted, clip, source, true, classes, vertices[0]))
+        poses = sample.info.poses[: frame + 1].astype(np.float64)
+        trans = np.asarray(sample.info.trans[: frame + 1], dtype=np.float64)
+        vertices, _ = posed_vertices(body, shape, poses[-1:])
+        worn = {name: rest[name] for name in layered(rest)}
+        person = MovingPerson(sample.id, sample.gender, shape, poses, trans, worn)
+        known.append(KnownScan(scan, person, fitted, clip, source, true, classes, vertices[0]))
     return known
 
 
 def compare_scan_fits(
-    scans: Sequence[KnownScan], fitter: ScanFitter, *, split: str, seed: int
-) -> tuple[Table, dict[str, Fits]]:
-    """Distances between simulated and fitted garments, by variant and class, over their area.
+    scans: Sequence[KnownScan],
+    answer: Callable[[KnownScan], Fits],
+    watch: Stopwatch,
+    *,
+    model: str,
+    split: str,
+    seed: int,
+) -> tuple[Table, dict[str, Fits], list[Cost]]:
+    """Measures of garments in frames of simulated samples, by variant and class.
 
     Models do not know the same garments: the rows of the class `COMMON` are means over those that
     all of them know.
 
     Args:
-        split: of the samples, named in the rows.
+        answer: the garments in a frame, in each way.
+        watch: counts what they take.
+        model: named in the rows, as are `split`, of the samples, and `seed`.
 
     Returns:
-        Rows, and scan's name -> fits.
+        Rows, scan's name -> fits, and what these took.
     """
     measured: dict[str, list[Measured]] = {}
     common: dict[str, list[Measured]] = {}
     shown: dict[str, Fits] = {}
+    seconds: dict[str, float] = defaultdict(float)
     for known in progress(scans, total=len(scans), label="scans"):
-        fits = shown[known.scan.name] = fitter.fit(known.scan, known.body)
+        watch.reset()
+        fits = shown[known.scan.name] = answer(known)
         for variant, garments in fits.items():
+            seconds[variant] += watch.seconds[variant]
             for name, mesh in garments.items():
-                to_true, to_surface = area_distances_mm(mesh, known.true[name])
-                row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
+                row = mesh_measures(mesh, known.true[name])
                 fit = Measured(known.clip, known.classes[name], row, known.source)
                 measured.setdefault(variant, []).append(fit)
                 if name in GARMENT4D_TYPES:
                     common.setdefault(variant, []).append(fit._replace(garment=COMMON))
-    summary = partial(summarise, model=SCAN, split=split, seed=seed)
+    summary = partial(summarise, model=model, split=split, seed=seed)
     tables = []
     for variant, rows in measured.items():
         tables.append(summary(rows, variant=variant))
         of_common = summary(common.get(variant, []), variant=variant)
         tables.append(of_common[of_common["garment"] == COMMON])
-    return join(tables), shown
+    costs = [cost_so_far(model, name, seconds[name], len(rows)) for name, rows in measured.items()]
+    return join(tables), shown, costs
 
 
-def compare(job: Job, representations: Iterable[Representation]) -> None:
+def compare(
+    job: Job, representations: Iterable[Representation], known: Sequence[Cost] | None = None
+) -> None:
     """Leave the evaluation `representations` of a model.
 
     Args:
         job: its input has `data`, the static garments, and `outfits`, the same as they were made;
             its params `garments`, `split` and `seed`.
+        known: what representations took whose codes come from an earlier job.
     """
     given, params = job.input, job.params
     outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
     garments = held_out_garments(StaticData(given.data), outfits, params.garments, params.split)
-    rows = compare_representations(garments, representations, split=params.split, seed=params.seed)
-    write_evaluation(job.output[0], rows)
+    rows, costs = compare_representations(
+        garments, representations, split=params.split, seed=params.seed
+    )
+    costs = costs if known is None else list(known)
+    write_evaluation(job.output[0], rows, lambda made: write_costs(made, costs))
 
 
 def fit_scans(job: Job, fitter: ScanFitter, bodies: Mapping[str, BodyModel]) -> None:
-    """Leave the evaluation `scans` of a model.
+    """Leave an evaluation of a model on scans.
 
     Args:
-        job: its input has `scans`, and `samples` that they were taken of; its params `split` and
-            `seed`.
+        job: its input has `scans`, and `samples` that they were taken of; its params `kind` of the
+            scans, `split` and `seed`.
         bodies: by gender.
     """
+    params = job.params
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
-    rows, found = compare_scan_fits(scans, fitter, split=job.params.split, seed=job.params.seed)
-    write_evaluation(job.output[0], rows, lambda made: save_fitted_scans(made / FITTED, found))
+    rows, found, costs = compare_scan_fits(
+        scans,
+        lambda known: fitter.fit(known.scan, known.body),
+        fitter.watch,
+        model=SCANNED[params.kind],
+        split=params.split,
+        seed=params.seed,
+    )
+    write_frames(job.output[0], rows, found, costs)
+
+
+def move_garments(job: Job, mover: Mover, bodies: Mapping[str, BodyModel]) -> None:
+    """Leave the evaluation `moved` of a model, of the true garments at rest.
+
+    Args:
+        job: its input has exact `scans`, whose frames are predicted, and `samples` that they were
+            taken of; its params `split` and `seed`.
+        bodies: by gender.
+    """
+    params = job.params
+    scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
+    rows, found, costs = compare_scan_fits(
+        scans,
+        lambda known: mover.move(known.person),
+        mover.watch,
+        model=MOVED,
+        split=params.split,
+        seed=params.seed,
+    )
+    write_frames(job.output[0], rows, found, costs)
+
+
+def write_frames(
+    folder: str | Path, rows: Table, found: Mapping[str, Fits], costs: Sequence[Cost]
+) -> None:
+    """Leave an evaluation of garments in frames, see `compare_scan_fits`."""
+
+    def complete(made: Path) -> None:
+        save_fitted_scans(made / FITTED, found)
+        write_costs(made, costs)
+
+    write_evaluation(folder, rows, complete)
 
 
 def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:
@@ -239,6 +338,7 @@ def body_rows(
     states: Mapping[str, Sequence[BodyState]],
     bodies: Mapping[str, BodyModel],
     *,
+    model: str,
     split: str,
     seed: int,
 ) -> Table:
@@ -248,7 +348,7 @@ def body_rows(
         scans: that bodies were fitted to.
         states: variant -> the body of each scan.
         bodies: by gender.
-        split: of the samples, named in the rows.
+        model: named in the rows, as are `split`, of the samples, and `seed`.
     """
     rows = []
     for variant, every in states.items():
@@ -256,7 +356,7 @@ def body_rows(
         for known, state in zip(scans, every, strict=True):
             error = body_error_mm(known, state, bodies[known.scan.gender])
             measured.append(Measured(known.clip, BODY, {"vertex_error_mm": error}, known.source))
-        made = summarise(measured, model=SCAN, variant=variant, split=split, seed=seed)
+        made = summarise(measured, model=model, variant=variant, split=split, seed=seed)
         rows.append(made[made["garment"] == ALL])
     return join(rows)
 

@@ -3,8 +3,13 @@
 `models.registry` says what else a model brings.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from time import process_time
 from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.segmented_scans import SegmentedScan
@@ -41,8 +46,66 @@ class Representation(Protocol):
         """Size of the code of a garment of this type; None if there is no code."""
 
 
+class Stopwatch:
+    """Time that variants take, in seconds of a core.
+
+    Attributes:
+        seconds: variant -> its time since the last `reset`.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.seconds.clear()
+
+    @contextmanager
+    def of(self, *variants: str) -> Iterator[None]:
+        """Count the time within for each of these, which share what is done."""
+        start = process_time()
+        yield
+        for variant in variants:
+            self.seconds[variant] += process_time() - start
+
+
+class MovingPerson(NamedTuple):
+    """A dressed person up to a frame, as those are told who are to say where the cloth is."""
+
+    sample: str  # its id
+    gender: str
+    shape: np.ndarray  # (10,)
+    poses: np.ndarray  # (F, 72) rad, the frame's own last
+    trans: np.ndarray  # (F, 3) of the root joint, metres above the floor
+    rest: Mapping[str, Mesh]  # garment -> triangles at rest, from the innermost to the outermost
+
+
+class Mover(Protocol):
+    """Moves true garments at rest by the motion of their wearer.
+
+    Attributes:
+        watch: counts what each variant takes.
+    """
+
+    watch: Stopwatch
+
+    def move(self, person: MovingPerson) -> Mapping[str, Mapping[str, Mesh]]:
+        """The garments in the last frame, in each of the ways that the model has.
+
+        Returns:
+            Variant, which no other model has -> garment type -> triangles, relative to the root
+            joint; only garments that the model knows.
+        """
+
+
 class ScanFitter(Protocol):
-    """Finds the garments in segmented scans, whose bodies are known by then."""
+    """Finds the garments in segmented scans, whose bodies are known by then.
+
+    Attributes:
+        watch: counts what each variant takes.
+    """
+
+    watch: Stopwatch
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> Mapping[str, Mapping[str, Mesh]]:
         """The garments in a scan, in each of the ways that the model has.

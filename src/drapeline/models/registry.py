@@ -11,15 +11,28 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from drapeline.dataset.settings import CLEAN, NOISY, WORSE
 from drapeline.errors import InputError
-from drapeline.experiment.files import ExperimentFiles
 from drapeline.job import resolve
 from drapeline.settings import Settings
 
+if TYPE_CHECKING:  # jobs know what is declared here, and nothing of experiments
+    from drapeline.experiment.files import ExperimentFiles
+
 ENTRY_POINTS = "drapeline.models"
 _OURS = ("gcvae", "garment4d", "smplicit")
+# Tables of metrics that compare all models.
+REPRESENTATIONS, SCANS, SYSTEMS = "representations", "scans", "systems"
+# Sizes at which codes are compared besides their own: SMPLicit's and CLOTH3D's, and one between.
+CODE_SIZES = 18, 64, 128
+# Folder of an evaluation that a model has -> kind of scans, and the table of its rows.
+SCAN_EVALUATIONS = {
+    "scans": (NOISY, SCANS),
+    "clean_scans": (CLEAN, SYSTEMS),
+    "worse_scans": (WORSE, SYSTEMS),
+}
 
 
 class Task(NamedTuple):
@@ -56,7 +69,7 @@ class EvaluationTask(NamedTuple):
     Attributes:
         task: measures.
         tables: of metrics that its rows belong to: "metrics" is shown by default,
-            "representations" and "scans" compare all models.
+            `REPRESENTATIONS`, `SCANS` and `SYSTEMS` compare all models.
     """
 
     task: Task
@@ -122,6 +135,28 @@ def page(
     return Figure(task, output, default)
 
 
+class Package(NamedTuple):
+    """A trained model that comes with drapeline.
+
+    Attributes:
+        folder: of its training.
+        title: says what it does.
+        use: a line of Python, in which `model` is the loaded one.
+        models: of its rows in the table of metrics.
+        variants: of the same, and of what it is compared with.
+        metrics: of the same.
+        garments: types that it knows.
+    """
+
+    folder: str
+    title: str
+    use: str
+    models: Sequence[str]
+    variants: Sequence[str]
+    metrics: Sequence[str]
+    garments: Sequence[str]
+
+
 class ModelPlan(NamedTuple):
     """What an experiment does with a model, each task by the folder that it leaves.
 
@@ -134,6 +169,7 @@ class ModelPlan(NamedTuple):
         samples: of what was trained.
         figures: by the names of their rules.
         targets: name of a rule that gathers more -> files.
+        packages: what of it comes with drapeline, by the names that `drapeline.load` takes.
         priority: of its jobs where several models' could run.
     """
 
@@ -143,6 +179,7 @@ class ModelPlan(NamedTuple):
     samples: Mapping[str, Task] = MappingProxyType({})
     figures: Mapping[str, Figure] = MappingProxyType({})
     targets: Mapping[str, Sequence[str]] = MappingProxyType({})
+    packages: Mapping[str, Package] = MappingProxyType({})
     priority: int = 0
 
 
@@ -160,7 +197,7 @@ class Model(NamedTuple):
     name: str
     title: str
     settings: type[Settings]
-    plan: Callable[[ExperimentFiles], ModelPlan]
+    plan: Callable[["ExperimentFiles"], ModelPlan]
     loaders: Mapping[str, str]
 
 

@@ -10,8 +10,17 @@ import smplx
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import load_body, posed_vertices, save_body, shape_body
+from drapeline.bodies import model
+from drapeline.bodies.model import (
+    keep_body,
+    load_body,
+    load_kept_body,
+    posed_vertices,
+    save_body,
+    shape_body,
+)
 from drapeline.bodies.smpl_files import convert_to_pickle
+from drapeline.errors import InputError
 from drapeline.frames import PARENTS, REST_POSE
 
 
@@ -140,3 +149,54 @@ def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
         )
         np.testing.assert_allclose(ours, result.vertices.detach(), atol=1e-5)
         np.testing.assert_allclose(joints, result.joints.detach()[:, :24], atol=1e-5)
+
+
+def assert_equal(body, expected):
+    """Array by array, to the bit."""
+    assert body.name == expected.name
+    for name, array in vars(expected).items():
+        if isinstance(array, np.ndarray):
+            np.testing.assert_array_equal(getattr(body, name), array, err_msg=name)
+
+
+def test_of_the_free_body_its_version_is_kept_alone(baked_bodies, tmp_path):
+    for gender, body in baked_bodies.items():
+        path = tmp_path / "bodies" / f"{gender}.npz"
+        keep_body(path, body, gender)
+        assert path.stat().st_size < 1000
+        assert_equal(load_kept_body(path, gender), body)
+
+
+@pytest.mark.parametrize("part", ["v_template", "shapedirs", "posedirs", "J_regressor", "weights"])
+def test_a_body_that_was_made_of_the_free_one_is_kept_whole(baked_bodies, tmp_path, part):
+    body = baked_bodies["female"]
+    array = getattr(body, part).copy()
+    array[[0, -1]] = array[[-1, 0]]
+    other = replace(body, **{part: array})
+    keep_body(tmp_path / "body.npz", other, "female")
+    assert_equal(load_kept_body(tmp_path / "body.npz", "female"), other)
+
+
+def test_any_other_body_is_kept_whole(toy_body, baked_bodies, tmp_path):
+    for body in (toy_body, baked_bodies["male"]):  # as the female one
+        keep_body(tmp_path / "body.npz", body, "female")
+        assert_equal(load_kept_body(tmp_path / "body.npz", "female"), body)
+
+
+def test_a_body_that_was_kept_of_another_version_is_refused(baked_bodies, tmp_path, monkeypatch):
+    path = tmp_path / "body.npz"
+    keep_body(path, baked_bodies["female"], "female")
+    monkeypatch.setattr(model, "FREE_BODY_VERSION", 7)
+    with pytest.raises(
+        InputError, match="body.npz: made with version 1 of the free body, expected 7"
+    ):
+        load_kept_body(path, "female")
+
+
+def test_a_kept_body_that_is_missing_or_none_is_named(tmp_path):
+    path = tmp_path / "body.npz"
+    with pytest.raises(InputError, match="body.npz: no such file"):
+        load_kept_body(path, "female")
+    np.savez(path, x=1)
+    with pytest.raises(InputError, match="body.npz: lacks"):
+        load_kept_body(path, "female")

@@ -5,11 +5,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import drapeline as library
 from drapeline.bodies.model import free_body, load_body
 from drapeline.commands.dress import outfit_type
 from drapeline.dataset.animated_gltf import read_gltf
@@ -50,6 +52,101 @@ def test_a_dress_of_ones_own_moves_in_every_format(tmp_path, drapeline):
     out, status = drapeline("check", tmp_path / "a.glb", "--json", "-")
     assert status == 0
     assert json.loads(out[out.index("{") :])["Dress"]["inside_share_mean"] < 0.05
+
+
+class Drawing:
+    """A model that draws one mesh, and remembers what it was asked."""
+
+    def __init__(self, mesh):
+        self.mesh, self.asked = mesh, []
+
+    def load(self, folder):
+        self.folder = folder
+        return self
+
+    def sample(self, count, garment, **about):
+        self.asked.append((count, garment, about))
+        return [SimpleNamespace(garment=garment, mesh=self.mesh)]
+
+
+@pytest.fixture
+def drawing(monkeypatch):
+    """Every trained model draws the example's dress, cut into triangles."""
+    mesh = load_obj(DRESS)
+    model = Drawing(Mesh(mesh.vertices, mesh.triangles))
+    monkeypatch.setitem(vars(library), "load", model.load)
+    return model
+
+
+def test_a_garment_that_a_model_draws_is_what_moves(tmp_path, drapeline, drawing):
+    words = ("--outfit", "dress", "--fabric", "denim", "--gender", "male", "--seed", 7)
+    _, status = drapeline(
+        "dress", JUMP, *FAST, *words, "--model", "results/mine", "-o", tmp_path / "sample"
+    )
+    assert status == 0, status
+    assert drawing.folder == "results/mine"
+    ((count, garment, about),) = drawing.asked
+    assert (count, garment, about["gender"], about["seed"]) == (1, "Dress", "male", 7)
+    assert not np.any(about["shape"])  # garments of one's own lie on the mean body
+    with Sample(tmp_path / "sample") as sample:
+        assert sample.fabrics == {"Dress": "denim"}
+        mesh = sample.mesh("Dress")
+        np.testing.assert_array_equal(mesh.faces, drawing.mesh.faces)
+        assert len(mesh.vertices) == len(drawing.mesh.vertices)
+
+
+def test_ones_own_garments_come_before_those_that_a_model_draws(
+    tmp_path, monkeypatch, drapeline, drawing
+):
+    """What is drawn is worn with them, and by default the model is that of drapeline."""
+    worn = {}
+
+    def dress_clip(folder, motion, body, *, outfit_type, own, **others):
+        worn.update({name: load_obj(garment.path) for name, garment in own.items()})
+        raise InputError(f"nobody is dressed in {outfit_type}")
+
+    monkeypatch.setattr("drapeline.commands.dress.dress_clip", dress_clip)
+    words = ("--outfit", "skirt+tshirt", "--garment", f"skirt={SKIRT}", "--model")
+    _, status = drapeline("dress", JUMP, *FAST, "-o", tmp_path / "a.glb", *words)
+    assert "nobody is dressed in Tshirt+Skirt" in str(status)
+    assert drawing.folder == "gcvae"
+    assert [garment for _, garment, _ in drawing.asked] == ["Tshirt"]
+    for name, mesh in {"Skirt": load_obj(SKIRT), "Tshirt": drawing.mesh}.items():
+        np.testing.assert_array_equal(worn.pop(name).faces, mesh.faces)
+    assert not worn
+
+
+def test_a_model_that_there_is_not_is_one_sentence(tmp_path, drapeline):
+    pytest.importorskip("torch")
+    words = ("--model", tmp_path / "none", "-o", tmp_path / "a.glb")
+    _, status = drapeline("dress", JUMP, *FAST, *words)
+    assert re.match("drapeline: .*none: no such folder, expected that of a train", str(status))
+    assert not list(tmp_path.iterdir())
+
+
+def test_models_without_torch_are_refused_with_what_brings_it(tmp_path):
+    words = ["drapeline", "dress", str(JUMP), *map(str, FAST), "--model", "-o", "a.glb"]
+    code = (
+        "import sys\n"
+        "class Without:\n"
+        "    def find_spec(name, *others):\n"
+        "        if name == 'torch': raise ModuleNotFoundError('no torch', name=name)\n"
+        "sys.meta_path.insert(0, Without)\n"
+        f"sys.argv = {words}\n"
+        "from drapeline.__main__ import main\n"
+        "main()\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT / "src")},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 1
+    assert "drapeline: drapeline.load needs torch, which is" in run.stderr.splitlines()[-1]
+    assert run.stderr.endswith("pip install 'drapeline[torch]'\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_it_needs_no_torch_no_pipeline_and_no_blender():

@@ -1,5 +1,7 @@
 """Segmented scans: of samples, of users, in files, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
@@ -18,6 +20,8 @@ from drapeline.dataset.segmented_scans import (
 from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import Mesh, vertex_normals
 from drapeline.outfits.garment_types import LABELS
 from drapeline.storage import save_npz
 from toys.tiny_sample import write_tiny_sample
@@ -79,6 +83,138 @@ def test_files_keep_scans_and_bodies(sample, toy_body, tmp_path):
         np.testing.assert_array_equal(scan.labels, known.labels)
         np.testing.assert_array_equal(scan.joints, known.joints)
         np.testing.assert_array_equal(body.shape, state.shape)
+
+
+def surface(sample, frame, where):
+    """Everything that is to be seen in a frame, as one surface."""
+    body = sample.body_vertices(frame, frame + 1, frame=where)[0]
+    parts = [Mesh(body, sample.body_mesh().triangles)]
+    for name in sample.garments:
+        cloth = sample.vertices(name, frame, frame + 1, where)[0]
+        parts.append(Mesh(cloth, sample.mesh(name).triangles))
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate([part.vertices for part in parts]), np.concatenate(faces)
+
+
+WINDOW = SETTINGS.replace(frames=6, window=5)
+
+
+@pytest.fixture(scope="module")
+def windows(sample, toy_body):
+    return scan_sample(sample, toy_body, WINDOW, 1)
+
+
+def test_the_frame_in_the_middle_of_a_window_is_the_one_that_is_scanned(windows):
+    for scan in windows:
+        window, middle = scan.window, scan.window.middle
+        np.testing.assert_array_equal(window.labels[middle], scan.labels)
+        estimated = BodyState.of(window.poses[middle], scan.estimate.trans, np.zeros(10))
+        np.testing.assert_allclose(estimated.rotations, scan.estimate.rotations, atol=1e-9)
+        # The one is relative to the root joint as estimated, the other to the true one.
+        np.testing.assert_allclose(
+            window.points[middle] + scan.estimate.trans, scan.points, atol=1e-6
+        )
+
+
+def test_a_window_ends_where_its_sample_does(sample, windows):
+    assert sample.frame_count == 6
+    for scan, frames in zip(
+        windows, ([0], range(3), range(5), range(1, 6), [3, 4, 5], [5]), strict=True
+    ):
+        assert {len(part) for part in scan.window} == {len(frames)}
+        place = scan.window.trans - scan.estimate.trans
+        np.testing.assert_allclose(place, sample.info.trans[[*frames]], atol=1e-9)
+
+
+def test_points_of_a_window_lie_on_the_sample_in_the_world(sample, windows):
+    scan = windows[2]
+    for frame, (points, trans) in enumerate(
+        zip(scan.window.points, scan.window.trans, strict=True)
+    ):
+        world = points + trans
+        place, _ = closest_points(world.astype(np.float32), *surface(sample, frame, "world"))
+        assert np.linalg.norm(place - world, axis=1).max() < 1e-4
+
+
+def test_poses_of_a_window_are_off_by_the_same(sample, windows):
+    scan = windows[3]
+    off = scan.window.poses - sample.info.poses[1:6]
+    assert np.abs(off).max() > 0.05
+    np.testing.assert_allclose(off, np.tile(off[:1], (5, 1)), atol=1e-6)
+
+
+def test_single_frames_are_the_same_with_a_window_and_without(sample, toy_body, windows):
+    alone = scan_sample(sample, toy_body, WINDOW.replace(window=1), 1)
+    for one, other in zip(alone, windows, strict=True):
+        assert one.window is None
+        np.testing.assert_array_equal(one.points, other.points)
+        np.testing.assert_array_equal(one.estimate.rotations, other.estimate.rotations)
+        np.testing.assert_array_equal(one.joints, other.joints)
+
+
+def test_a_root_joint_elsewhere_leaves_the_points_of_a_window_where_they_are(windows):
+    window, shift = windows[2].window, np.array([0.1, -0.2, 0.3])
+    moved = window.shifted(shift)
+    np.testing.assert_allclose(moved.trans, window.trans + shift)
+    np.testing.assert_allclose(
+        moved.points + moved.trans[:, None], window.points + window.trans[:, None], atol=1e-6
+    )
+
+
+def test_files_keep_windows(windows, tmp_path):
+    alone = replace(windows[0], name="00002_000", window=None)
+    scans = [*windows, alone]
+    save_scans(tmp_path / "scans.npz", scans, [scan.estimate for scan in scans])
+    for (scan, _), known in zip(load_scans(tmp_path / "scans.npz"), scans, strict=True):
+        if known.window is None:
+            assert scan.window is None
+            continue
+        for part, written in zip(scan.window, known.window, strict=True):
+            assert part.dtype == written.dtype
+            np.testing.assert_array_equal(part, written)
+
+
+def test_an_estimate_without_errors_is_the_body_itself(sample, toy_body):
+    exact = SETTINGS.replace(pose_rad=0, place_m=0, joints_m=0, shape=0)
+    assert exact.body_is_known
+    for name, value in (("pose_rad", 0.1), ("place_m", 0.1), ("joints_m", 0.1), ("shape", 0.1)):
+        assert not exact.replace(**{name: value}).body_is_known
+    assert not exact.replace(shape=None).body_is_known  # the mean shape
+    (scan, _) = scan_sample(sample, toy_body, exact, 1)
+    true = BodyState.of(sample.info.poses[scan.frame], np.zeros(3), sample.info.shape)
+    for part, known in zip(scan.estimate, true, strict=True):
+        np.testing.assert_array_equal(part, known)
+    vertices = sample.body_vertices(scan.frame, scan.frame + 1, frame="root")[0]
+    posed, joints = posed_vertices(toy_body, true.shape, true.pose[None])
+    np.testing.assert_allclose(posed[0], vertices, atol=5e-4)  # files have half precision
+    np.testing.assert_allclose(scan.joints, joints[0], atol=1e-6)
+
+
+def test_one_camera_sees_one_side(sample, toy_body):
+    """Normals of the skin that it sees lean its way; those of all cameras cancel out."""
+    leans = {}
+    for visibility in ("all", "single"):
+        (scan, _) = scan_sample(sample, toy_body, SETTINGS.replace(visibility=visibility), 1)
+        body = sample.body_vertices(scan.frame, scan.frame + 1, frame="root")[0]
+        _, nearest = KDTree(body).query(scan.points[scan.skin])
+        normals = vertex_normals(body, toy_body.faces)[nearest]
+        leans[visibility] = np.linalg.norm(normals[:, :2].mean(axis=0))
+    assert leans["all"] < 0.2
+    assert leans["single"] > 0.4
+
+
+def test_holes_leave_as_many_points(sample, toy_body):
+    """They lie where some of a whole cloud are not."""
+    whole, holed = (
+        scan_sample(sample, toy_body, SETTINGS.replace(missing=missing), 1)[0]
+        for missing in (0, 0.5)
+    )
+    assert len(whole.points) == len(holed.points) == SETTINGS.points
+    away = KDTree(holed.points).query(whole.points)[0]
+    assert np.quantile(away, 0.9) > 2 * np.quantile(
+        KDTree(whole.points).query(holed.points)[0], 0.9
+    )
 
 
 def dressed(toy_body, labels):

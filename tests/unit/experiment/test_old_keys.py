@@ -14,6 +14,7 @@ from drapeline.experiment.old_keys import refuse_old_keys
         ({"learning": None}, "learning", "groups.learning"),
         ({"learning": {"nonsense": 1}}, "learning", "groups.learning"),
         ({"scans": {"learning": 3}}, "scans.learning", "scans.count"),
+        ({"scans": {"samples": {"points": 900}}}, "scans.samples", "scans.noisy"),
     ],
 )
 def test_an_old_key_is_refused_with_its_new_name(settings, old, new):

@@ -14,6 +14,7 @@ from drapeline.metrics.garment import (
     inside_measures,
     largest_piece,
     mask_iou,
+    mesh_measures,
     normal_error_deg,
     piece_count,
     piece_indices,
@@ -140,6 +141,40 @@ def test_distances_see_what_is_missing_and_what_is_too_much_each_in_one_directio
     # Rows above the half are i / 24 metres away from its boundary.
     assert to_predicted == pytest.approx(1000 * np.arange(1, 13).sum() / 24 / 25, rel=1e-4)
     assert surface_distances_mm(whole, half) == pytest.approx((to_predicted, to_true), abs=1e-3)
+
+
+def flat_sheet(height_m, cells):
+    """A square metre of triangles at a height."""
+    steps = np.linspace(0, 1, cells + 1)
+    x, y = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
+    i, j = np.divmod(np.arange(cells**2), cells)
+    a = i * (cells + 1) + j
+    right, up = a + cells + 1, a + 1
+    faces = np.concatenate([np.c_[a, right, right + 1], np.c_[a, right + 1, up]])
+    return Mesh(np.c_[x, y, np.full(len(x), height_m)], faces)
+
+
+def test_parallel_sheets_are_as_far_off_both_ways_and_turned_by_nothing():
+    found = mesh_measures(flat_sheet(0.005, cells=3), flat_sheet(0, cells=4))
+    assert found.pop("openings_right") == 1
+    assert found.pop("normal_error_deg") == pytest.approx(0, abs=1e-3)
+    assert found == pytest.approx({"surface_to_true_mm": 5, "true_to_surface_mm": 5})
+
+
+def test_openings_are_right_where_there_are_as_many(tube):
+    whole, (vertices, faces) = Mesh(*tube), tube
+    # Without a face in the middle there is a hole, at the lower end the hem has a notch alone.
+    hole, notch = (Mesh(vertices, np.delete(faces, face, axis=0)) for face in (48 * 12, 0))
+    assert mesh_measures(notch, whole)["openings_right"] == 1
+    assert mesh_measures(hole, whole)["openings_right"] == 0
+    assert mesh_measures(hole, hole)["openings_right"] == 1
+
+
+def test_measures_of_nothing_are_nan_and_its_openings_are_wrong(tube):
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    found = mesh_measures(nothing, Mesh(*tube))
+    assert found.pop("openings_right") == 0
+    assert np.isnan([*found.values()]).all()
 
 
 def test_distances_to_nothing_are_nan(tube):

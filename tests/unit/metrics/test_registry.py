@@ -56,6 +56,13 @@ def test_a_star_stands_for_what_differs():
     assert registry.variant("garment4d", "neighbours") == Variant("neighbours")
 
 
+@pytest.mark.parametrize("model", ["clean_scan", "worse_scan"])
+def test_cleaner_and_worse_scans_have_the_variants_of_scans(model):
+    assert registry.variants(model) == registry.variants("scan") != {}
+    for name, one in registry.variants("scan").items():
+        assert registry.variant(model, name) == one
+
+
 def test_models_that_share_the_name_of_a_variant_keep_their_titles():
     assert registry.variant("baseline", "pca").title == "PCA of offsets"
     assert not registry.variant("garment4d", "pca").competes

@@ -9,6 +9,8 @@ import pytest
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import ALL
+from drapeline.models import compare as compare_module
+from drapeline.models import contract
 from drapeline.models.compare import (
     REPRESENTATION,
     compare_representations,
@@ -51,8 +53,12 @@ def compare(representations, count=4):
     return compare_representations(garments, representations, split="test", seed=3)
 
 
+def rows_of(representations):
+    return compare(representations)[0]
+
+
 def test_distances_are_those_of_the_rebuilt_garments_both_ways():
-    rows = compare([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
+    rows = rows_of([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
     assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {
         (REPRESENTATION, "test", 3)
     }
@@ -64,27 +70,71 @@ def test_distances_are_those_of_the_rebuilt_garments_both_ways():
                 assert row.n == n
 
 
+def test_normals_and_openings_of_rebuilt_garments_are_measured():
+    rows = rows_of([Raised("raised", 0.02)])
+    for metric, expected in (("normal_error_deg", 0), ("openings_right", 1)):
+        row = find_value(rows, "raised", "test", ALL, metric)
+        assert row.value == pytest.approx(expected, abs=1e-3)
+
+
+class Slow(Raised):
+    """Takes some seconds for all garments, and some more for each."""
+
+    def __init__(self, clock, variant, first_s, each_s):
+        super().__init__(variant, 0.0)
+        self.clock, self.first_s, self.each_s = clock, first_s, each_s
+
+    def rebuild(self, garments):
+        self.clock.now += self.first_s
+        for mesh in super().rebuild(garments):
+            self.clock.now += self.each_s
+            yield mesh
+
+
+def test_costs_are_what_each_representation_takes_and_not_its_measures(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(contract, "process_time", lambda: clock.now)
+    measure = compare_module.mesh_measures
+
+    def measure_slowly(*meshes):
+        clock.now += 100
+        return measure(*meshes)
+
+    monkeypatch.setattr(compare_module, "mesh_measures", measure_slowly)
+    _, costs = compare([Slow(clock, "all_at_once", 8, 0), Slow(clock, "each", 0, 3)])
+    assert [one[:4] for one in costs] == [
+        (REPRESENTATION, "all_at_once", 2, 4),
+        (REPRESENTATION, "each", 3, 4),
+    ]
+    assert all(one.megabytes > 1 for one in costs)
+
+
 def test_only_a_code_has_a_size():
-    rows = compare([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
+    rows = rows_of([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
     assert find_value(rows, "raised", "test", ALL, "code_numbers").value == 7
     assert find_value(rows, "exact", "test", ALL, "code_numbers") is None
 
 
 def test_a_representation_has_the_same_rows_whatever_it_is_compared_with():
     """So that each model may be measured in a job of its own."""
-    both = compare([Raised("exact", 0.0), Raised("raised", 0.02)])
-    alone = compare([Raised("raised", 0.02)])
+    both = rows_of([Raised("exact", 0.0), Raised("raised", 0.02)])
+    alone = rows_of([Raised("raised", 0.02)])
     raised = both[both["variant"] == "raised"].reset_index(drop=True)
     pd.testing.assert_frame_equal(raised, alone)
 
 
-def test_a_representation_that_leaves_a_garment_out_is_refused():
-    class Short(Raised):
-        def rebuild(self, garments):
-            return super().rebuild(garments[1:])
+def test_a_representation_that_leaves_a_garment_out_or_adds_one_is_refused():
+    class Other(Raised):
+        def __init__(self, chosen):
+            super().__init__("other", 0.0)
+            self.chosen = chosen
 
-    with pytest.raises(ValueError, match="shorter"):
-        compare([Short("short", 0.0)])
+        def rebuild(self, garments):
+            return super().rebuild([garments[k] for k in self.chosen])
+
+    for chosen, reason in (([0, 1, 2], "shorter"), ([0, 1, 2, 3, 3], "longer")):
+        with pytest.raises(ValueError, match=reason):
+            compare([Other(chosen)])
 
 
 def test_garments_are_those_of_the_split_and_the_types_as_they_were_made():

@@ -1,25 +1,33 @@
 """The comparison of fits to scans, with fits whose error is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import save_scans, scan_sample
 from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import DamagedFile
-from drapeline.metrics.predictions import BODY, TRUE
+from drapeline.geometry.mesh import Mesh, vertex_normals
+from drapeline.metrics.cost import read_costs
+from drapeline.metrics.predictions import BODY, FITTED, TRUE, load_fitted_scans
 from drapeline.metrics.properties import COMMON
-from drapeline.metrics.table import ALL, METRICS
+from drapeline.metrics.table import ALL, METRICS, read_metrics
+from drapeline.models import contract
 from drapeline.models.compare import (
+    MOVED,
     SCAN,
     body_rows,
     compare_scan_fits,
     known_scans,
     skin_of,
     truth_shown,
+    write_frames,
 )
+from drapeline.models.contract import Stopwatch
 from toys.metric_rows import find_value
 from toys.tiny_sample import write_tiny_sample
 
@@ -48,21 +56,23 @@ def scanned(folder, body, names):
     return [folder / "none.npz", folder / "scans.npz"], [folder / "rejected", *folders]
 
 
-class Raised:
-    """The simulated garments of some types, a given height above themselves."""
+def raised(*heights):
+    """An answer: the simulated garments, each time a given height above themselves."""
 
-    def __init__(self, known, heights):
-        self._true = {one.scan.name: one.true for one in known}
-        self._heights = heights
-
-    def fit(self, scan, body):
+    def answer(known):
         return {
             f"raised_{height}": {
                 name: replace(mesh, vertices=mesh.vertices + np.float32([0, 0, height]))
-                for name, mesh in self._true[scan.name].items()
+                for name, mesh in known.true.items()
             }
-            for height in self._heights
+            for height in heights
         }
+
+    return answer
+
+
+def rows_of(scans, answer, model=SCAN):
+    return compare_scan_fits(scans, answer, Stopwatch(), model=model, split="test", seed=3)[0]
 
 
 def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
@@ -85,8 +95,82 @@ def test_the_truth_is_that_of_the_frame(known):
         assert set(one.true) == set(one.scan.garments) == set(one.classes)
 
 
+def test_a_person_is_known_up_to_the_frame(known, tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body)
+    for one in known:
+        person, frame = one.person, one.scan.frame
+        assert (person.sample, person.gender) == ("00001", one.scan.gender)
+        assert len(person.poses) == len(person.trans) == frame + 1
+        np.testing.assert_allclose(person.poses, tiny.poses[: frame + 1], atol=1e-5)
+        np.testing.assert_allclose(person.trans, tiny.trans[: frame + 1], atol=1e-5)
+        assert [*person.rest] == ["Skirt", "Tshirt"]  # from the inside to the outside
+        for name, mesh in person.rest.items():
+            rest = tiny.meshes[name]
+            np.testing.assert_allclose(mesh.vertices, rest.vertices, atol=1e-5)
+            np.testing.assert_array_equal(mesh.faces, one.true[name].faces)
+
+
+def thick(mesh, by_m):
+    """The mesh, moved along its normals."""
+    return replace(mesh, vertices=mesh.vertices + by_m * vertex_normals(mesh.vertices, mesh.faces))
+
+
+def test_garments_that_are_moved_right_measure_nothing_and_others_how_far_off_they_are(known):
+    """Spheres, which are as far from one another everywhere as their radii say."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+    sphere = Mesh(ball.vertices, np.asarray(ball.faces))
+    scans = [one._replace(true=dict.fromkeys(one.true, sphere)) for one in known]
+
+    def move(one):
+        return {
+            variant: {name: thick(mesh, by_m) for name, mesh in one.true.items()}
+            for variant, by_m in (("true", 0.0), ("off", 0.01))
+        }
+
+    rows = rows_of(scans, move, model=MOVED)
+    assert {*rows["model"]} == {MOVED}
+    for metric in ("surface_to_true_mm", "true_to_surface_mm"):
+        assert find_value(rows, "true", "test", ALL, metric).value == pytest.approx(0, abs=1e-3)
+        assert find_value(rows, "off", "test", ALL, metric).value == pytest.approx(10, rel=0.01)
+
+
+def test_costs_are_of_each_variant_for_one_garment(known, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(contract, "process_time", lambda: clock.now)
+    watch = Stopwatch()
+
+    def answer(one):
+        """Both need four seconds of preparation; the second needs six more of its own."""
+        clock.now += 1000  # is nothing to them
+        with watch.of("raised_0.0", "raised_0.02"):
+            clock.now += 4
+        with watch.of("raised_0.02"):
+            clock.now += 6
+        return raised(0.0, 0.02)(one)
+
+    _, _, costs = compare_scan_fits(known, answer, watch, model=MOVED, split="test", seed=3)
+    garments = sum(len(one.true) for one in known)
+    assert [one[:4] for one in costs] == [
+        (MOVED, "raised_0.0", pytest.approx(4 * len(known) / garments), garments),
+        (MOVED, "raised_0.02", pytest.approx(10 * len(known) / garments), garments),
+    ]
+
+
+def test_an_evaluation_leaves_rows_fits_and_costs(known, tmp_path):
+    about = {"model": MOVED, "split": "test", "seed": 3}
+    found = compare_scan_fits(known, raised(0.02), Stopwatch(), **about)
+    write_frames(tmp_path / "moved", *found)
+    rows, fits, costs = found
+    read = read_metrics(tmp_path / "moved/metrics.tsv")
+    assert read["value"].tolist() == pytest.approx(rows["value"].tolist(), rel=1e-5)
+    assert load_fitted_scans(tmp_path / "moved" / FITTED).keys() == fits.keys()
+    assert read_costs([tmp_path / "moved"])["variant"].tolist() == [one.variant for one in costs]
+
+
 def test_distances_are_those_of_the_fits_by_class(known):
-    rows, found = compare_scan_fits(known, Raised(known, [0.0, 0.02]), split="test", seed=3)
+    rows, found, _ = compare_scan_fits(
+        known, raised(0.0, 0.02), Stopwatch(), model=SCAN, split="test", seed=3
+    )
     assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {(SCAN, "test", 3)}
     classes = {name for one in known for name in one.classes.values()}
     assert set(rows["garment"]) == {ALL, COMMON, *classes}
@@ -103,8 +187,7 @@ def test_garments_that_all_models_know_have_rows_of_their_own(known):
     dress = one._replace(true={"Dress": other.true["Skirt"]}, classes={"Dress": "whole body"})
 
     def found(scans, garment):
-        fitter = Raised(scans, [0.02])
-        rows, _ = compare_scan_fits(scans, fitter, split="test", seed=3)
+        rows = rows_of(scans, raised(0.02))
         return find_value(rows, "raised_0.02", "test", garment, metric)
 
     every, common = (found([dress, other], name) for name in (ALL, COMMON))
@@ -118,10 +201,9 @@ def test_garments_of_several_solvers_have_rows_of_their_own_besides_those_of_all
     blender, xpbd = (
         one._replace(source=name) for one, name in zip(known, ("blender", "xpbd"), strict=True)
     )
-    fitter = Raised(known, [0.02])
 
     def found(scans, source=""):
-        rows, _ = compare_scan_fits(scans, fitter, split="test", seed=3)
+        rows = rows_of(scans, raised(0.02))
         return find_value(rows, "raised_0.02", "test", ALL, "surface_to_true_mm", source)
 
     both, own = found([blender, xpbd]), found([blender, xpbd], "xpbd")
@@ -135,7 +217,8 @@ def test_bodies_are_compared_by_their_vertices(known, bodies):
         one.scan.estimate._replace(trans=one.scan.estimate.trans + [0, 0, 10.0]) for one in known
     ]
     states = {"near": [one.body for one in known], "far": away}
-    rows = body_rows(known, states, bodies, split="test", seed=3)
+    rows = body_rows(known, states, bodies, model="clean_scan", split="test", seed=3)
+    assert {*rows["model"]} == {"clean_scan"}
     near, far = (find_value(rows, name, "test", ALL, "vertex_error_mm") for name in states)
     assert 1 < near.value < 500
     assert far.value == pytest.approx(10_000, rel=0.05)

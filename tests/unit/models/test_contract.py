@@ -8,11 +8,22 @@ from importlib.metadata import EntryPoint
 from types import SimpleNamespace
 
 import pytest
+import yaml
 
+from drapeline.dataset.settings import CLEAN
 from drapeline.errors import InputError
 from drapeline.job import resolve
-from drapeline.models import compare, contract, registry
-from drapeline.models.registry import Model, ModelPlan, models
+from drapeline.models import compare, contract, protocol, registry
+from drapeline.models.compare import SCANNED
+from drapeline.models.registry import (
+    REPRESENTATIONS,
+    SCAN_EVALUATIONS,
+    SCANS,
+    SYSTEMS,
+    Model,
+    ModelPlan,
+    models,
+)
 from drapeline.settings import Settings
 from toys.imported_modules import imported_modules, loaded_modules
 from toys.plans import files_of, tasks_of
@@ -49,7 +60,30 @@ def test_tasks_ask_for_what_jobs_can_be_given(plan):
 def test_a_model_trains_and_is_evaluated_and_compared(plan):
     assert plan.trainings
     tables = {table for evaluation in plan.evaluations.values() for table in evaluation.tables}
-    assert {"metrics", "representations", "scans"} <= tables
+    assert {"metrics", REPRESENTATIONS, SCANS, SYSTEMS} <= tables
+    assert plan.evaluations["evaluated/representations"].tables == (REPRESENTATIONS, SYSTEMS)
+
+
+def test_all_models_are_fitted_to_the_same_scans_and_move_the_same_garments(plan):
+    files = files_of()
+    asked = {**SCAN_EVALUATIONS, "moved": (CLEAN, SYSTEMS)}
+    for name, (kind, table) in asked.items():
+        evaluation = plan.evaluations[f"evaluated/{name}"]
+        assert evaluation.tables == (table,)
+        for key, expected in files.known_scans(kind).items():
+            assert evaluation.task.input[key] == expected != []
+        if name != "moved":
+            assert evaluation.task.params["kind"] == kind
+            assert kind in SCANNED
+
+
+def test_without_scans_nothing_is_asked_about_them():
+    config = yaml.safe_load((ROOT / "config.yaml").read_text())
+    files = files_of({**config, "scans": {"count": 0}})
+    for model in models().values():
+        evaluations = model.plan(files).evaluations
+        for name in (*SCAN_EVALUATIONS, "moved", "moved_again"):
+            assert f"evaluated/{name}" not in evaluations
 
 
 def test_pages_and_pictures_have_captions(plan):
@@ -104,7 +138,31 @@ def test_a_models_representations_fulfil_the_protocol(model):
             assert inspect.signature(getattr(cls, name)).parameters == wanted.parameters
 
 
-@pytest.mark.parametrize("shared", [contract, compare])
+FULFIL = {
+    contract.Mover: {
+        "gcvae.representation:LearnedMover",
+        "garment4d.scans:InterpolatedMover",
+        "smplicit.scans.evaluate:SkinningMover",
+    },
+    contract.ScanFitter: {
+        "gcvae.representation:CodeScanFitter",
+        "garment4d.scans:Garment4dScanFitter",
+        "smplicit.scans.evaluate:SmplicitScanFitter",
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "name"), [(one, name) for one, names in FULFIL.items() for name in sorted(names)]
+)
+def test_what_finds_and_moves_garments_fulfils_its_protocol(wanted, name):
+    found = resolve(f"drapeline.models.{name}")
+    (method,) = (one for one in ("move", "fit") if hasattr(wanted, one))
+    own, theirs = (inspect.signature(getattr(one, method)) for one in (found, wanted))
+    assert own.parameters == theirs.parameters
+
+
+@pytest.mark.parametrize("shared", [contract, compare, protocol])
 def test_the_comparison_names_no_model(shared):
     imported = set(imported_modules(inspect.getsource(shared)))
     assert not any(f"models.{model}" in name for name in imported for model in MODELS)

@@ -35,7 +35,10 @@ def test_a_model_of_garments_in_motion_is_refused(tmp_path):
         StaticModel(tmp_path / "dvae")
 
 
-def test_a_folder_without_a_model_is_named(tmp_path):
+def test_a_folder_that_is_missing_or_without_a_model_is_named(tmp_path):
+    with pytest.raises(InputError, match="nothing: no such folder, expected that of a trained mod"):
+        load(tmp_path / "nothing")
+    (tmp_path / "nothing").mkdir()
     with pytest.raises(InputError, match=rf"nothing/{BEST}: no such file, expected a checkpoin"):
         load(tmp_path / "nothing")
 

@@ -4,6 +4,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
+from drapeline.dataset.settings import CLEAN
 from drapeline.experiment.checks import planned_sequences, require_sequences, require_simulated
 from drapeline.experiment.cloth_solvers import OUR_SOLVER
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
@@ -15,10 +16,14 @@ from drapeline.models.garment4d.settings import (
     posed_variants,
 )
 from drapeline.models.registry import (
+    REPRESENTATIONS,
+    SCAN_EVALUATIONS,
+    SYSTEMS,
     EvaluationTask,
     Figure,
     Model,
     ModelPlan,
+    Package,
     ReportFile,
     Task,
     figure,
@@ -33,6 +38,7 @@ _PAGES = "drapeline.report.models.garment4d"
 _ABLATIONS = "metrics_garment4d_ablations"
 _PULLED_MGN = "mgn_pulled"
 _Worn = TypeVar("_Worn", bound=Hashable)
+_PRINTED_PASSES = 100  # that smooth skinning weights
 _AGAIN = 20  # test samples of each group that are simulated again, at most
 PROTOCOLS = ("surface", "vertices")
 
@@ -192,7 +198,7 @@ class _Garment4dTasks:
         seconds, megabytes = self._cost("canonical", training, 2 * training["epochs"])
         return Task(
             f"{_HERE}.ours.train:train_labels",
-            {"data": self.own.labelled},
+            {**self.files.bodies, "data": self.own.labelled},
             {"settings": self._stage_settings("labels"), "trainer": self.settings["trainer"]},
             seconds=seconds,
             megabytes=megabytes,
@@ -308,9 +314,13 @@ class _Garment4dTasks:
                 (_ABLATIONS,),
             )
         found["floor"] = (self._floor(), (_ABLATIONS,))
-        found["representations"] = (self._compare(), ("representations",))
+        found["representations"] = (self._compare(), (REPRESENTATIONS, SYSTEMS))
         if self.files.scanned:
-            found["scans"] = (self._fit_scans(), ("scans",))
+            found |= {
+                evaluation: (self._fit_scans(kind), (table,))
+                for evaluation, (kind, table) in SCAN_EVALUATIONS.items()
+            }
+            found["moved"] = (self._move(), (SYSTEMS,))
         return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
     def _evaluate(
@@ -398,20 +408,63 @@ class _Garment4dTasks:
             environment="geometry",
         )
 
-    def _fit_scans(self) -> Task:
+    def _fit_scans(self, kind: str) -> Task:
         return Task(
             f"{_HERE}.scans:fit_to_scans",
             {
                 **self.files.bodies,
-                **self.files.known_scans,
+                **self.files.known_scans(kind),
                 "ours": [f"{self.folder}/{garment}/ours" for garment in self.garments],
                 "networks": [f"{self.folder}/{garment}/posed" for garment in self.garments],
             },
-            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {"kind": kind, "split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
             megabytes=2500,
             modules=[OUR_SOLVER],
         )
+
+    def _move(self) -> Task:
+        return Task(
+            f"{_HERE}.scans:move_garments_at_rest",
+            {**self.files.bodies, **self.files.known_scans(CLEAN)},
+            {
+                # As printed, since true garments have short edges.
+                "skinning": {**self.settings["skinning"], "passes": _PRINTED_PASSES},
+                "body_points": self.settings["body_points"],
+                "split": EVALUATED_SPLITS[0],
+                "seed": self.seed,
+            },
+            seconds=600,
+            megabytes=1500,
+        )
+
+    def packages(self) -> dict[str, Package]:
+        """Our model of each type, and labels of points."""
+        ours = {
+            f"garment4d/{garment}": Package(
+                f"{self.folder}/{garment}/ours",
+                "Garments in motion from point clouds of a dressed person",
+                "moving = model.reconstruct(points, poses, shape)",
+                ("garment4d",),
+                ("ours", "posed", "lbs", "still"),
+                (
+                    *("canonical_error_mm", "vertex_error_mm", "predicted_to_true_mm"),
+                    *("true_to_predicted_mm", "velocity_error_m_s", "inside_depth_mm"),
+                ),
+                (garment,),
+            )
+            for garment in self.garments
+        }
+        labels = Package(
+            f"{self.folder}/labels",
+            "What the points of a dressed person are: skin, or cloth of one of the garment types",
+            "labels = model.label(points, poses, shape)",
+            ("garment4d",),
+            ("ours", "label_by_vertex", "one_label"),
+            ("segmentation_accuracy",),
+            self.garments,
+        )
+        return {**ours, "labels": labels}
 
     def figures(self) -> dict[str, Figure]:
         """Tables 2 to 4 of the paper, and its figures."""
@@ -545,6 +598,7 @@ def _plan(files: ExperimentFiles) -> ModelPlan:
         evaluations=tasks.evaluations(),
         figures=tasks.figures(),
         targets=tasks.targets(),
+        packages=tasks.packages(),
         priority=1,  # the longest chain after samples, and what compares it with others
     )
 
@@ -556,6 +610,7 @@ MODEL = Model(
     _plan,
     loaders={
         "garment4d_ours": f"{_HERE}.ours.model:OurModel",
+        "garment4d_labels": f"{_HERE}.ours.labels:LabelModel",
         "garment4d_posed": f"{_HERE}.reconstruct:NetworksModel",
     },
 )

@@ -9,6 +9,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.models.compare import compare
 from drapeline.models.contract import HeldOutGarment
+from drapeline.models.registry import CODE_SIZES
 from drapeline.registration.to_template.garment_space import GarmentSpace, load_space
 from drapeline.registration.to_template.remesh import RemeshTable, load_tables, remesh
 
@@ -40,17 +41,32 @@ class RegisteredTemplate:
 
 
 class TemplatePca(RegisteredTemplate):
-    """Garment4D's coefficients alpha of its principal components."""
+    """Garment4D's coefficients alpha of its principal components.
 
-    variant = "garment4d_pca"
+    Args:
+        count: of the components, the first ones; all if None.
+    """
+
+    def __init__(
+        self,
+        spaces: Mapping[str, GarmentSpace],
+        tables: Mapping[str, Mapping[str, RemeshTable]],
+        count: int | None = None,
+    ) -> None:
+        super().__init__(spaces, tables)
+        self._count = count
+        self.variant = "garment4d_pca" if count is None else f"garment4d_pca_{count}"
 
     def code_numbers(self, garment: str) -> int:
         """The number of the type's components."""
-        return len(self.spaces[garment].components)
+        return len(self.spaces[garment].components[: self._count])
 
     def predict(self, vertices: np.ndarray, space: GarmentSpace) -> np.ndarray:
         """The template's vertices (N, 3) from its coefficients."""
-        return space.vertices(space.coefficients(vertices))
+        alpha = space.coefficients(vertices)
+        if self._count is not None:
+            alpha[self._count :] = 0
+        return space.vertices(alpha)
 
 
 def compare_templates(job: Job) -> None:
@@ -58,4 +74,7 @@ def compare_templates(job: Job) -> None:
     given, garments = job.input, job.params.garments
     spaces = {name: load_space(Path(given[name]) / "space.npz") for name in garments}
     tables = {name: load_tables(given[f"fits_{name}"]) for name in garments}
-    compare(job, [RegisteredTemplate(spaces, tables), TemplatePca(spaces, tables)])
+    most = max(len(space.components) for space in spaces.values())
+    counts = [None, *(count for count in CODE_SIZES if count < most)]
+    codes = [TemplatePca(spaces, tables, count) for count in counts]
+    compare(job, [RegisteredTemplate(spaces, tables), *codes])

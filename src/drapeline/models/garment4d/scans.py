@@ -16,7 +16,7 @@ from drapeline.bodies import follow
 from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.scans import ScanSequence
-from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.dataset.segmented_scans import ScanWindow, SegmentedScan
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.least_squares import LeastSquares, absolute_weights
 from drapeline.geometry.mesh import Mesh, barycentric, boundary_edges, face_normals, vertex_normals
@@ -26,8 +26,9 @@ from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
-from drapeline.models.compare import fit_scans
-from drapeline.models.garment4d.data import Seen
+from drapeline.models.compare import fit_scans, move_garments
+from drapeline.models.contract import MovingPerson, Stopwatch
+from drapeline.models.garment4d.data import BodySet, Seen, propose_garment
 from drapeline.models.garment4d.ours.model import OurModel
 from drapeline.models.garment4d.reconstruct import (
     NetworksModel,
@@ -36,6 +37,7 @@ from drapeline.models.garment4d.reconstruct import (
     body_frames,
     build_reconstruction,
 )
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.outfits.garment_types import LABELS
 from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.to_scan import move_to_scan
@@ -50,6 +52,7 @@ _CORNER = 1e-3  # share from which a corner takes part in a place on a face
 _BEYOND = 3.0  # distances between points, from which a vertex is off the cloud
 _SLIDE = 0.02  # weight of offsets along the cloth, where it is free to slide below the points
 SPLIT = "scans"
+INTERPOLATED = "moved_interpolated"
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most
 
 
@@ -69,7 +72,8 @@ class Garment4dScanFitter:
     """Fulfils `ScanFitter`.
 
     The components alone are fitted to the garment's points, and the garment moved to them. Our
-    model and the paper's networks are given the scan as a body that stands still, with its labels.
+    model and the paper's networks are given the scan's window, with its labels, or the scan as a
+    body that stands still.
 
     Args:
         ours: our models by type.
@@ -83,6 +87,7 @@ class Garment4dScanFitter:
         settings: FitTemplate,
         seed: int,
     ) -> None:
+        self.watch = Stopwatch()
         self._ours, self._networks = ours, networks
         self._settings, self._seed = settings, seed
 
@@ -96,36 +101,58 @@ class Garment4dScanFitter:
                 faces = ours.space.faces
                 wearer = ours.bodies.models[scan.gender]
                 rng = rng_for(self._seed, "template", scan.name, name)
-                fitted = fit_template(ours.space, scan, name, wearer, body, self._settings, rng)
+                with self.watch.of(PCA, MOVED):
+                    fitted = fit_template(ours.space, scan, name, wearer, body, self._settings, rng)
                 at_rest[name] = Mesh(fitted, faces)
-                networks = self._networks[name]
-                seen = self._see(networks, networks.stage.settings.training.frames, scan, body)
-                found[POSED][name] = Mesh(_middle(networks.make(seen).final, body), faces)
-                seen = self._see(ours, ours.guesser.frames, scan, body)
-                # Nothing moves, so that nothing is to be simulated.
-                step = replace(ours.final_step, simulated_error_m=None)
-                laid = step(ours.guesser.guess(seen).canonical, seen, ours.refining)
-                found[OURS][name] = Mesh(_middle(laid.final, body), faces)
+                with self.watch.of(POSED):
+                    networks = self._networks[name]
+                    seen = self._see(networks, networks.stage.settings.training.frames, scan, body)
+                    found[POSED][name] = Mesh(_middle(networks.make(seen).final, body), faces)
+                with self.watch.of(OURS):
+                    seen, step = self._see(ours, ours.guesser.frames, scan, body), ours.final_step
+                    if _is_still(scan, ours.guesser.frames):
+                        # Nothing moves, so that nothing is to be simulated.
+                        step = replace(step, simulated_error_m=None)
+                    laid = step(ours.guesser.guess(seen).canonical, seen, ours.refining)
+                    found[OURS][name] = Mesh(_middle(laid.final, body), faces)
         if at_rest:
-            person = follow.pose_body(wearer, body.shape, body.pose, body.trans)
-            found[PCA] = pose_in_layers(at_rest, person, self._settings.skinning)
-            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, person)
+            with self.watch.of(PCA, MOVED):
+                person = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+                found[PCA] = pose_in_layers(at_rest, person, self._settings.skinning)
+            with self.watch.of(MOVED):
+                found[MOVED] = move_to_scan(found[PCA], at_rest, scan, person)
         return {variant: garments for variant, garments in found.items() if garments}
 
     def _see(
         self, model: ReconstructionModel, frames: int, scan: SegmentedScan, body: BodyState
     ) -> Seen:
-        """The scan as so many frames of a body that stands still, of other points each."""
+        """A window of at least so many frames, or as many of a body that stands still.
+
+        Of other points each.
+        """
+        window = scan.window
+        if window is None or _is_still(scan, frames):
+            window = ScanWindow(
+                np.tile((scan.points - body.trans).astype(np.float32), (frames, 1, 1)),
+                np.tile(scan.labels, (frames, 1)),
+                np.tile(body.pose, (frames, 1)),
+                np.tile(body.trans, (frames, 1)),
+            )
         rng = rng_for(self._seed, "networks", scan.name, model.garment)
-        total, count = len(scan.points), model.points
-        chosen = np.stack([rng.choice(total, count, replace=total < count) for _ in range(frames)])
+        total, count = window.points.shape[1], model.points
+        chosen = np.stack([rng.choice(total, count, replace=total < count) for _ in window.points])
         return Seen(
-            (scan.points[chosen] - body.trans).astype(np.float32),
-            np.tile(body.pose, (frames, 1)),
-            np.tile(body.trans, (frames, 1)),
+            np.take_along_axis(window.points, chosen[..., None], axis=1),
+            window.poses,
+            window.trans,
             model.bodies.of(scan.gender, body.shape),
-            scan.labels[chosen],
+            np.take_along_axis(window.labels, chosen, axis=1),
         )
+
+
+def _is_still(scan: SegmentedScan, frames: int) -> bool:
+    """Whether a scan is shown as a body that stands still, to a model of so many frames."""
+    return scan.window is None or len(scan.window.points) < frames
 
 
 def _middle(garment: np.ndarray, body: BodyState) -> np.ndarray:
@@ -270,6 +297,36 @@ def _measure(scans: ScanSequence, garment: str, made: ReconstructedGarment, seed
         one = Measured(SPLIT, garment, measures)
         tables.append(summarise([one], model=MODEL, variant=variant, split=SPLIT, seed=seed))
     return without_all(join(tables))
+
+
+class InterpolatedMover:
+    """Fulfils `Mover` with the paper's skinning alone (equations 1 and 2).
+
+    Args:
+        bodies: of both genders.
+        settings: of the weights.
+    """
+
+    def __init__(self, bodies: BodySet, settings: SkinningSettings) -> None:
+        self.watch = Stopwatch()
+        self._bodies, self._settings = bodies, settings
+
+    def move(self, person: MovingPerson) -> dict[str, dict[str, Mesh]]:
+        """All garments."""
+        wearer, pose = self._bodies.of(person.gender, person.shape), person.poses[-1:]
+        moved = {}
+        with self.watch.of(INTERPOLATED):
+            for name, rest in person.rest.items():
+                settled = propose_garment(wearer, pose, rest.vertices, rest.faces, self._settings)
+                moved[name] = Mesh(settled[0], rest.faces)
+        return {INTERPOLATED: moved}
+
+
+def move_garments_at_rest(job: Job) -> None:
+    """True garments at rest, moved by the paper's skinning."""
+    bodies = load_bodies(job.input)
+    settings = SkinningSettings(**job.params.skinning)
+    move_garments(job, InterpolatedMover(BodySet(bodies, job.params.body_points), settings), bodies)
 
 
 def fit_to_scans(job: Job) -> None:

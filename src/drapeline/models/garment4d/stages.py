@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 import numpy as np
 import torch
 
-from drapeline.bodies.model import load_body, save_body
+from drapeline.bodies.model import BodyModel, keep_body, load_kept_body
 from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -459,8 +459,7 @@ class SeenForms(NamedTuple):
 def save_seen_forms(folder: Path, sequences: BodySequences) -> None:
     """Complete the folder of a model that was trained on sequences."""
     bodies = sequences.bodies
-    for gender, body in bodies.models.items():
-        save_body(folder / _BODIES / f"{gender}.npz", body)
+    keep_bodies(folder, bodies.models)
     points = sequences.data.points.shape[1]
     save_npz(folder / _SIZES, body_points=bodies.count, points=points)
 
@@ -478,5 +477,21 @@ def load_seen_forms(folder: str | Path) -> SeenForms:
             raise InputError(
                 f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
             )
-    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
-    return SeenForms(BodySet(bodies, int(found["body_points"])), int(found["points"]))
+    bodies = BodySet(load_kept_bodies(folder), int(found["body_points"]))
+    return SeenForms(bodies, int(found["points"]))
+
+
+def keep_bodies(folder: Path, bodies: Mapping[str, BodyModel]) -> None:
+    """Add bodies by gender to the folder of a model."""
+    for gender, body in bodies.items():
+        keep_body(folder / _BODIES / f"{gender}.npz", body, gender)
+
+
+def load_kept_bodies(folder: str | Path) -> dict[str, BodyModel]:
+    """Bodies by gender that `keep_bodies` added.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    root = Path(folder) / _BODIES
+    return {gender: load_kept_body(root / f"{gender}.npz", gender) for gender in GENDERS}

@@ -10,10 +10,15 @@ import torch
 from drapeline.bodies.model import BodyModel, load_bodies
 from drapeline.bodies.rest_body import rest_body
 from drapeline.job import Job
+from drapeline.learning_data.dynamic import DynamicData
 from drapeline.learning_data.moving import MovingGarment, load_moving
 from drapeline.learning_data.static import StaticData
 from drapeline.learning_data.training_rows import rows_like
-from drapeline.metrics.baselines import fit_training_pca, static_baseline_summary
+from drapeline.metrics.baselines import (
+    fit_training_pca,
+    garment_baselines,
+    static_baseline_summary,
+)
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.registered import (
     Truth,
@@ -24,7 +29,7 @@ from drapeline.metrics.registered import (
     measured_in_motion,
 )
 from drapeline.metrics.table import join, summarise, write_evaluation
-from drapeline.models.compare import compare, fit_scans
+from drapeline.models.compare import compare, fit_scans, move_garments
 from drapeline.models.gcvae.codec import (
     CODES,
     Codes,
@@ -38,6 +43,7 @@ from drapeline.models.gcvae.codec import (
 from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
 from drapeline.models.gcvae.decode import decode_points, resolve_points, static_truth
 from drapeline.models.gcvae.load import load_codec, load_dynamic_garments, load_training_codes
+from drapeline.models.gcvae.movers import load_mover
 from drapeline.models.gcvae.moving_baselines import (
     RIDGE_FILE,
     MovingBaselines,
@@ -47,11 +53,13 @@ from drapeline.models.gcvae.ppca import GarmentPpca
 from drapeline.models.gcvae.representation import (
     CodeScanFitter,
     FitCode,
+    GuessedOffsets,
+    LearnedMover,
     OffsetPca,
     RegisteredOffsets,
     VaeCode,
 )
-from drapeline.models.gcvae.settings import SHORT_CODE
+from drapeline.models.registry import CODE_SIZES
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.super_body import mirror_of
@@ -239,20 +247,30 @@ def compare_codes(job: Job) -> None:
     codecs = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in given.models}
     template = next(iter(codecs.values())).body_template
     pca = fit_training_pca(data, template.mirror, components=params.components, seed=params.seed)
-    components = {"body_pca": pca}
-    if len(pca.axes) > SHORT_CODE:
-        components[f"body_pca_{SHORT_CODE}"] = pca.first(SHORT_CODE)
-    for name, model in list(codecs.items()):
-        if isinstance(model, GarmentPpca) and model.latent > SHORT_CODE:
-            codecs[f"{name}_{SHORT_CODE}"] = model.first(SHORT_CODE)
+    components, own = {"body_pca": pca}, list(codecs.items())
+    for count in CODE_SIZES:
+        if len(pca.axes) > count:
+            components[f"body_pca_{count}"] = pca.first(count)
+        for name, model in own:
+            if isinstance(model, GarmentPpca) and model.latent > count:
+                codecs[f"{name}_{count}"] = model.first(count)
+    guesses = garment_baselines(data)
     compare(
         job,
         [
             RegisteredOffsets(data, template),
             *(OffsetPca(variant, one, data, template) for variant, one in components.items()),
             *(VaeCode(variant, model, data) for variant, model in codecs.items()),
+            *(GuessedOffsets(variant, one, data, template) for variant, one in guesses.items()),
         ],
     )
+
+
+def compare_other_codes(job: Job) -> None:
+    """Held-out garments as codes of garment VAEs whose codes are of other sizes."""
+    data = StaticData(job.input.data)
+    codecs = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in job.input.models}
+    compare(job, [VaeCode(variant, model, data) for variant, model in codecs.items()])
 
 
 def fit_codes_to_scans(job: Job) -> None:
@@ -261,3 +279,13 @@ def fit_codes_to_scans(job: Job) -> None:
     bodies = load_bodies(job.input)
     codecs = {f"{Path(path).name}_scan": load_codec(Path(path) / BEST) for path in job.input.models}
     fit_scans(job, CodeScanFitter(codecs, bodies, FitCode()), bodies)
+
+
+def move_garments_at_rest(job: Job) -> None:
+    """True garments at rest, moved by what models of garments in motion have learned."""
+    torch.set_num_threads(job.threads)
+    given, bodies = job.input, load_bodies(job.input)
+    models = {f"moved_{Path(path).name}": load_mover(path) for path in given.models}
+    static = load_codec(Path(given.static) / BEST)
+    mover = LearnedMover(models, static, DynamicData(given.data), bodies)
+    move_garments(job, mover, bodies)

@@ -1,17 +1,23 @@
 """How far test garments in motion are from themselves when they are simulated once more."""
 
+from collections.abc import Mapping
 from itertools import groupby
+from time import process_time
 
 import numpy as np
 
 from drapeline.bodies.model import load_bodies, load_body
+from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.generation.again import simulate_samples_again
+from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.learning_data.moving import moving_files
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.registered import measure_motion, measured_in_motion
 from drapeline.metrics.table import join, summarise, write_evaluation
+from drapeline.models.compare import MOVED, KnownScan, compare_scan_fits, known_scans, write_frames
+from drapeline.models.contract import Stopwatch
 from drapeline.registration.to_body.topology import load_topology
 
 
@@ -38,3 +44,35 @@ def evaluate_floor(job: Job) -> None:
         for variant, every in measured.items()
     )
     write_evaluation(job.output[0], rows)
+
+
+def move_garments_again(job: Job) -> None:
+    """Frames of scanned test samples, simulated again."""
+    given, params, bodies = job.input, job.params, load_bodies(job.input)
+    folders = samples_of(given.samples)
+    scans = known_scans(given.scans, folders, bodies)
+    scanned = {known.person.sample for known in scans}
+    watch, found = Stopwatch(), {}
+    start = process_time()
+    for again in simulate_samples_again(
+        job, [folder for folder in folders if folder.name in scanned], bodies
+    ):
+        frames = len(next(iter(again.cloths.values())))
+        found[again.sample] = again.way, again.cloths, (process_time() - start) / frames
+        start = process_time()
+
+    def answer(known: KnownScan) -> Mapping[str, Mapping[str, Mesh]]:
+        if known.person.sample not in found:
+            return {}
+        way, cloths, watch.seconds[way] = found[known.person.sample]
+        return {
+            way: {
+                name: Mesh(cloths[name][known.scan.frame], rest.faces)
+                for name, rest in known.person.rest.items()
+            }
+        }
+
+    rows, fits, costs = compare_scan_fits(
+        scans, answer, watch, model=MOVED, split=params.split, seed=params.seed
+    )
+    write_frames(job.output[0], rows, fits, costs)

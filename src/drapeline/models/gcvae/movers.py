@@ -106,8 +106,9 @@ def move_by_model(
     record: BodySequence,
     *,
     settle: bool,
+    frames: slice = slice(None),
 ) -> dict[str, SimulatedSheet]:
-    """Garments in every frame of their wearer's motion, with the likeliest wrinkles.
+    """Garments in frames of their wearer's motion, with the likeliest wrinkles.
 
     Args:
         model: see `load_mover`.
@@ -117,6 +118,7 @@ def move_by_model(
         record: the wearer in motion.
         settle: whether garments are then smoothed and pushed out of the body and of what is worn
             beneath them, which the paper does not do.
+        frames: that are made; poses before them are known all the same.
 
     Raises:
         InputError: the codes are of another size than those of the training.
@@ -128,9 +130,9 @@ def move_by_model(
             f"a model of garments at rest with codes of {static.latent} numbers, expected the one"
             " that the model of garments in motion was trained with"
         )
-    poses = _histories(record.poses, int(history))
-    motions = rest_to_pose(body, record.shape, record.poses)
-    bodies = body_sequence_vertices(body, record)
+    poses = _histories(record.poses, int(history))[frames]
+    motions = rest_to_pose(body, record.shape, record.poses[frames])
+    bodies = body_sequence_vertices(body, record)[frames]
     moved: dict[str, SimulatedSheet] = {}
     for (name, one), code in zip(worn.items(), _codes(static, worn), strict=True):
         before, after = (part[None].repeat(len(poses), 0) for part in (one.cvar, code))
@@ -145,8 +147,8 @@ def move_by_model(
         if settle:
             points = _pushed_out(points, one.sheet.faces, bodies, body.faces)
             points = _over(points, one.sheet.faces, list(moved.values()))
-        frames = [Mesh(places, one.sheet.faces) for places in points]
-        moved[name] = SimulatedSheet(one.rest, frames)
+        made = [Mesh(places, one.sheet.faces) for places in points]
+        moved[name] = SimulatedSheet(one.rest, made)
     return moved
 
 

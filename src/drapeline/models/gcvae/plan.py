@@ -6,6 +6,7 @@ from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
+from drapeline.dataset.settings import CLEAN
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.experiment.plan import ClipPiece, Wardrobe, plan_moving
@@ -16,6 +17,7 @@ from drapeline.models.gcvae.settings import (
     DYNAMIC_PPCA,
     MOVERS,
     PICTURES,
+    SHORT_SVAES,
     SOLVER,
     STATIC_PPCA,
     SVAE_VARIANTS,
@@ -26,10 +28,14 @@ from drapeline.models.gcvae.settings import (
 )
 from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
+    REPRESENTATIONS,
+    SCAN_EVALUATIONS,
+    SYSTEMS,
     EvaluationTask,
     Figure,
     Model,
     ModelPlan,
+    Package,
     ReportFile,
     Task,
     figure,
@@ -273,10 +279,16 @@ class _GcvaeTasks:
         if self.simulated_again:
             found["dynamic_floor"] = (self._floor(), always)
         if self.pictured:
-            found["pictures"] = (self._find_in_pictures(), always)
-        found["representations"] = (self._compare(), ("representations",))
+            found["pictures"] = (self._find_in_pictures(), (*always, SYSTEMS))
+        found["representations"] = (self._compare(), (REPRESENTATIONS, SYSTEMS))
+        found["other_codes"] = (self._compare_other_codes(), (SYSTEMS,))
         if self.files.scanned:
-            found["scans"] = (self._fit_scans(), ("scans",))
+            found |= {
+                evaluation: (self._fit_scans(kind), (table,))
+                for evaluation, (kind, table) in SCAN_EVALUATIONS.items()
+            }
+            found["moved"] = (self._move(), (SYSTEMS,))
+            found["moved_again"] = (self._move_again(), (SYSTEMS,))
         return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
     def _baselines(self) -> Task:
@@ -431,14 +443,68 @@ class _GcvaeTasks:
             checks=[self.files.resting_in(*EVALUATED_SPLITS)],
         )
 
-    def _fit_scans(self) -> Task:
+    def _compare_other_codes(self) -> Task:
+        models = [f"{self.folder}/{name}" for name in SHORT_SVAES]
+        return self._compare()._replace(
+            run=f"{_HERE}.evaluate:compare_other_codes",
+            input={**self._compare().input, "models": models},
+        )
+
+    def _fit_scans(self, kind: str) -> Task:
         return Task(
             f"{_HERE}.evaluate:fit_codes_to_scans",
-            {**self.files.bodies, **self.files.known_scans, "models": self._static_models()},
-            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {**self.files.bodies, **self.files.known_scans(kind), "models": self._static_models()},
+            {"kind": kind, "split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=4800,
             megabytes=2500,
         )
+
+    def _move(self) -> Task:
+        version, _ = dynamic_conditions(WRINKLE_MLP)
+        moving = ("dvae_unposed_4", DYNAMIC_PPCA, WRINKLE_MLP)
+        return Task(
+            f"{_HERE}.evaluate:move_garments_at_rest",
+            {
+                **self.files.bodies,
+                **self.files.known_scans(CLEAN),
+                "models": [f"{self.folder}/{name}" for name in moving],
+                "static": self.static,
+                "data": self.files.dynamic(version),
+            },
+            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            seconds=1200,
+            megabytes=2500,
+        )
+
+    def _move_again(self) -> Task:
+        files = self.files
+        return Task(
+            f"{_HERE}.floor:move_garments_again",
+            {
+                **files.bodies,
+                **files.known_scans(CLEAN),
+                "outfits": files.shards_of(files.outfits, files.scanned),
+                "motions": files.shards_of(files.moving_bodies, files.scanned),
+            },
+            {"solver": files.hanging_solver, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            seconds=60 + 20 * len(files.scanned),
+            megabytes=1500,
+            modules=[files.hanging_solver],
+        )
+
+    def packages(self) -> dict[str, Package]:
+        """The linear model of garments at rest, which is the better one."""
+        return {
+            "gcvae": Package(
+                f"{self.folder}/{STATIC_PPCA}",
+                "Garments at rest as codes of 128 numbers, to be sampled, encoded and decoded",
+                'skirts = model.sample(8, "Skirt", gender="female", seed=1)',
+                ("ppca", "baseline"),
+                (STATIC_PPCA, "pca", "mean_garment", "nearest_cvar"),
+                ("surface_error_mm", "normal_error_deg", "mask_iou"),
+                tuple(self.files.types_at_rest("train")),
+            )
+        }
 
     def samples(self) -> dict[str, Task]:
         """Garments of codes that are drawn."""
@@ -717,6 +783,7 @@ def _plan(files: ExperimentFiles) -> ModelPlan:
         samples=tasks.samples(),
         figures=tasks.figures(),
         targets=tasks.targets(),
+        packages=tasks.packages(),
     )
 
 

@@ -1,6 +1,6 @@
-"""Representations of garments and codes fitted to scans, by which all models are compared."""
+"""Representations of garments, codes fitted to scans, and movers, for the comparison of models."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -12,15 +12,19 @@ from torch.nn import functional
 from drapeline.bodies.follow import move_to_rest, pose_body
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import BodyState
+from drapeline.bodies.sequence import untouched_sequence
 from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.dynamic import HISTORY_FRAMES, HISTORY_STEP, DynamicData
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import GarmentPca
 from drapeline.metrics.garment import garment_mesh
-from drapeline.models.contract import HeldOutGarment
+from drapeline.models.contract import HeldOutGarment, MovingPerson, Stopwatch
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes, encode_garments
 from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.decode import static_truth
+from drapeline.models.gcvae.movers import WornSheet, move_by_model
 from drapeline.models.gcvae.sample import Request
 from drapeline.models.training.optimise import CosineAdam
 from drapeline.outfits.garment_types import GARMENTS, LABELS
@@ -70,6 +74,24 @@ class OffsetPca(RegisteredOffsets):
         return (self._pca.reconstruct(self.data.offsets[row]) for row in rows)
 
 
+class GuessedOffsets(RegisteredOffsets):
+    """A baseline that does not see the garment."""
+
+    def __init__(
+        self,
+        variant: str,
+        guess: Callable[[int], tuple[np.ndarray, np.ndarray]],
+        data: StaticData,
+        template: BodyTemplate,
+    ) -> None:
+        super().__init__(data, template)
+        self.variant, self._guess = variant, guess
+
+    def predict(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Offsets and mask of rows as guessed."""
+        return map(self._guess, rows.tolist())
+
+
 class VaeCode(RegisteredOffsets):
     """The posterior mean of a trained static VAE with a mask branch."""
 
@@ -114,6 +136,7 @@ class CodeScanFitter:
     def __init__(
         self, models: Mapping[str, GarmentCodec], bodies: Mapping[str, BodyModel], settings: FitCode
     ) -> None:
+        self.watch = Stopwatch()
         self._models, self._bodies, self._settings = models, bodies, settings
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
@@ -122,14 +145,16 @@ class CodeScanFitter:
         rest_points = move_to_rest(scan.points, posed, 1).places
         fits = {}
         for variant, model in self._models.items():
-            garments = {}
-            for name in scan.garments:
-                request = Request(name, scan.gender, body.shape, np.zeros(2))
-                rest = model.body_template.rest_body(request.cvar)
-                registered = register_points(rest, rest_points, scan, name)
-                garments[name] = self._decode(model, request, rest, registered)
-            worn = fits[variant] = pose_in_layers(garments, posed, self._settings.skinning)
-            fits[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
+            garments, moved = {}, f"{variant}_moved"
+            with self.watch.of(variant, moved):
+                for name in scan.garments:
+                    request = Request(name, scan.gender, body.shape, np.zeros(2))
+                    rest = model.body_template.rest_body(request.cvar)
+                    registered = register_points(rest, rest_points, scan, name)
+                    garments[name] = self._decode(model, request, rest, registered)
+                fits[variant] = pose_in_layers(garments, posed, self._settings.skinning)
+            with self.watch.of(moved):
+                fits[moved] = move_to_scan(fits[variant], garments, scan, posed)
         return fits
 
     def _decode(
@@ -196,3 +221,50 @@ def fit_code(
     for _ in range(settings.steps):
         adam.step(loss)
     return adam.x.detach().numpy()
+
+
+class LearnedMover:
+    """Fulfils `Mover` with models of garments in motion.
+
+    Args:
+        models: by variant; see `movers.load_mover`.
+        static: whose codes they were trained with.
+        data: of all garments in motion, with their registrations at rest.
+        bodies: by gender.
+    """
+
+    def __init__(
+        self,
+        models: Mapping[str, GarmentCodec],
+        static: GarmentCodec,
+        data: DynamicData,
+        bodies: Mapping[str, BodyModel],
+    ) -> None:
+        self.watch = Stopwatch()
+        self._models, self._static, self._data, self._bodies = models, static, data, bodies
+
+    def move(self, person: MovingPerson) -> dict[str, dict[str, Mesh]]:
+        """All garments, with the likeliest wrinkles, smoothed and pushed out of the body."""
+        known = slice(-1 - HISTORY_STEP * (HISTORY_FRAMES - 1), None)
+        record = untouched_sequence(
+            person.shape, person.gender, person.poses[known], person.trans[known]
+        )
+        worn = {name: self._worn(person, name) for name in person.rest}
+        body, moved = self._bodies[person.gender], {}
+        for variant, model in self._models.items():
+            with self.watch.of(variant):
+                sheets = move_by_model(
+                    model, self._static, worn, body, record, settle=True, frames=slice(-1, None)
+                )
+            moved[variant] = {name: sheet.frames[0] for name, sheet in sheets.items()}
+        return moved
+
+    def _worn(self, person: MovingPerson, name: str) -> WornSheet:
+        """A garment with its registration."""
+        data, rest = self._data, person.rest[name]
+        same = (data.sample == person.sample) & (data.garment == GARMENTS.index(name))
+        row = np.flatnonzero(same)
+        if not len(row):
+            raise InputError(f"no registration of {person.sample}'s {name}, expected one")
+        (cvar,) = data.cvar(row[:1])
+        return WornSheet(rest, rest, data.static[row[0]], data.mask[row[0]], cvar)

@@ -32,11 +32,15 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
     **{name: {"network": change} for name, change in _DEPARTURES.items()},
+    # Shorter codes, for comparisons with other models'.
+    **{f"svae_{size}": {"network": {"latent": size}} for size in (18, 64)},
     "svae_as_printed": {
         "network": dict(ChainMap(*_DEPARTURES.values())),
         "loss": _PRINTED_LOSS,
     },
 }
+
+SHORT_SVAES = tuple(name for name in SVAE_VARIANTS if name.removeprefix("svae_").isdecimal())
 
 DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     f"dvae_{version}_{frames}": {
@@ -46,9 +50,6 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     for version in ("posed", "unposed")
     for frames in (1, 4)
 }
-
-# Numbers of the short codes of both PCAs: as many as SMPLicit's printed code has.
-SHORT_CODE = 18
 
 # Masked probabilistic PCA, which the networks are compared with.
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"

@@ -5,25 +5,28 @@ distance field. The surfaces of the fitted field are then compared with the garm
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
 
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, face_normals, loop_count, mean_edge_length, triangulate
+from drapeline.geometry.mesh import Mesh, mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.job import Job
 from drapeline.learning_data.garment_fields import FieldData
+from drapeline.metrics.cost import write_costs
 from drapeline.metrics.garment import (
-    area_distance_and_faces,
-    area_distance_mm,
     area_distances_mm,
+    mesh_measures,
     shape_measures,
 )
 from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.metrics.registered import measured_at_rest
 from drapeline.metrics.table import join, summarise, write_evaluation
+from drapeline.models.compare import REPRESENTATION, cost_so_far
+from drapeline.models.contract import Stopwatch
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import GarmentField, Points, fit_codes, new_field
 from drapeline.models.smplicit.representation import HELD_OUT, HeldOut, save_held_out
@@ -139,40 +142,17 @@ def _clipped_error_mm(predicted: np.ndarray, true: np.ndarray, d_max_m: float) -
 
 
 def surface_measures(sheet: Mesh, true: Mesh, body: Mesh) -> Measures:
-    """Measures of an open surface against the garment it stands for.
-
-    Distances in both directions over the area; the angle between normals at the sheet's faces and
-    at the nearest true ones; whether it has as many openings as the garment; pieces, and how much
-    is inside the body. NaN where nothing is left of the garment.
-    """
-    to_true = to_sheet = normal_error = float("nan")
-    same = False
-    if len(sheet.faces):
-        to_true, nearest = area_distance_and_faces(sheet, true)
-        to_sheet = area_distance_mm(true, sheet)
-        normal_error = _normal_error_deg(sheet, true, nearest)
-        same = loop_count(sheet.faces) == loop_count(true.faces)
-    return {
-        "surface_to_true_mm": to_true,
-        "true_to_surface_mm": to_sheet,
-        "normal_error_deg": normal_error,
-        "openings_right": float(same),
-        **shape_measures(sheet, body.vertices, body.faces),
-    }
-
-
-def _normal_error_deg(sheet: Mesh, true: Mesh, nearest: np.ndarray) -> float:
-    """Mean angle between the normals of a sheet's faces and of the `nearest` (F,) true ones."""
-    cosine = np.einsum(
-        "fi,fi->f",
-        face_normals(sheet.vertices, sheet.faces),
-        face_normals(true.vertices, true.faces[nearest]),
-    )
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+    """`mesh_measures` of an open surface, its pieces, and how much is inside the body."""
+    inside = shape_measures(sheet, body.vertices, body.faces)
+    return {**mesh_measures(sheet, true), **inside}
 
 
 class FieldEvaluation:
-    """Measures of held-out garments through a trained model, and of what they are compared with."""
+    """Measures of held-out garments through a trained model, and of what they are compared with.
+
+    Attributes:
+        cost: what fitting and decoding took, once it has run.
+    """
 
     def __init__(
         self,
@@ -203,8 +183,11 @@ class FieldEvaluation:
                 f"the {split} split holds no {' or '.join(self._model.garments)}, expected one or"
                 " more; ask for more static outfits"
             )
-        z = fit_held_out(network, self._data, rows, self._fit)
-        measures, sheets = self._decoded(rows, z, "fitted")
+        watch, name = Stopwatch(), self._model.name
+        with watch.of(name):
+            z = fit_held_out(network, self._data, rows, self._fit)
+        measures, sheets = self._decoded(rows, z, "fitted", watch)
+        self.cost = cost_so_far(REPRESENTATION, name, watch.seconds[name], len(rows))
         errors = field_errors(network, self._data, rows, z)
         found = {"fitted": [a | b for a, b in zip(errors, measures, strict=True)]}
         mean = np.repeat(self._model.mean_code[None], len(rows), axis=0)
@@ -225,14 +208,16 @@ class FieldEvaluation:
         return Mesh(rest_body(body, self._data.shape[row]), body.faces)
 
     def _decoded(
-        self, rows: np.ndarray, z: np.ndarray, label: str
+        self, rows: np.ndarray, z: np.ndarray, label: str, watch: Stopwatch
     ) -> tuple[list[Measures], list[Mesh]]:
         measures, sheets = [], []
         pairs = zip(rows, z, strict=True)
         for row, code in progress(pairs, total=len(rows), label=label):
             shape, gender = self._data.shape[row], self._data.gender[row]
-            field, body = NetworkField(self._model.network, code, shape, gender), self._body(row)
-            sheet, walls = garment_of_field(field, self._model.box, body, self._meshing)
+            with watch.of(self._model.name):
+                field = NetworkField(self._model.network, code, shape, gender)
+                body = self._body(row)
+                sheet, walls = garment_of_field(field, self._model.box, body, self._meshing)
             true = self._meshes[int(row)]
             to_true, to_walls = area_distances_mm(walls, true)
             measures.append(
@@ -351,4 +336,9 @@ def evaluate(job: Job) -> None:
     )
     untrained = new_field(model.name, data, model.bodies, model.network.settings).eval()
     rows, held_out = evaluation.run(params.split, untrained)
-    write_evaluation(job.output[0], rows, lambda made: save_held_out(made / HELD_OUT, held_out))
+
+    def complete(made: Path) -> None:
+        save_held_out(made / HELD_OUT, held_out)
+        write_costs(made, [evaluation.cost])
+
+    write_evaluation(job.output[0], rows, complete)

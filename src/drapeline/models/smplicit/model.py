@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from drapeline.bodies.model import BodyModel, load_body, save_body
+from drapeline.bodies.model import BodyModel, keep_body, load_kept_body
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, gender_codes, gender_names
@@ -80,7 +80,8 @@ class SmplicitModel:
     @cached_property
     def bodies(self) -> dict[str, BodyModel]:
         """The bodies that it was trained on, by gender."""
-        return {gender: load_body(body_file(self.folder, gender)) for gender in GENDERS}
+        files = {gender: body_file(self.folder, gender) for gender in GENDERS}
+        return {gender: load_kept_body(file, gender) for gender, file in files.items()}
 
     def sample(self, count: int, *, seed: int = 0) -> np.ndarray:
         """(count, cut + style) codes of new garments; see `draw_between`."""
@@ -181,7 +182,7 @@ def save_model_files(
         gender=gender_codes(data.gender[rows]),
     )
     for gender, body in bodies.items():
-        save_body(body_file(folder, gender), body)
+        keep_body(body_file(folder, gender), body, gender)
 
 
 _CODES = {

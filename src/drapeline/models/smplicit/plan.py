@@ -4,14 +4,20 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
+from drapeline.dataset.settings import CLEAN
 from drapeline.errors import InputError
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
+    CODE_SIZES,
+    REPRESENTATIONS,
+    SCAN_EVALUATIONS,
+    SYSTEMS,
     EvaluationTask,
     Figure,
     Model,
     ModelPlan,
+    Package,
     ReportFile,
     Task,
     figure,
@@ -86,25 +92,53 @@ class _SmplicitTasks:
             for name, model in FIELD_MODELS.items()
         }
 
+    @property
+    def _code_folders(self) -> dict[tuple[str, int | None], str]:
+        """Model, and the size of its codes if that is not the config's -> folder.
+
+        Other sizes are for comparisons with other models' codes, of types that all of them know.
+        """
+        own = sum(self.settings["network"][part] for part in ("cut", "style"))
+        others = [size for size in CODE_SIZES if size != own]
+        compared = {MODEL_OF_GARMENT[garment] for garment in self._compared}
+        return {
+            **{(name, None): name for name in FIELD_MODELS},
+            **{
+                (name, size): f"{name}_{size}"
+                for name in FIELD_MODELS
+                for size in others
+                if name in compared
+            },
+        }
+
+    @property
+    def _compared(self) -> list[str]:
+        """Types on which all models are compared, as far as a model here has learned them."""
+        compared = self.files.compared_garments
+        return [name for name in compared if MODEL_OF_GARMENT[name] in self.own.names]
+
     def trainings(self) -> dict[str, Task]:
         """Of each model."""
         settings, outfits = self.settings, len(self.files.resting_plans)
         found = {}
-        for name, model in FIELD_MODELS.items():
+        for (name, size), folder in self._code_folders.items():
+            model, network = FIELD_MODELS[name], settings["network"]
+            if size is not None:
+                network = {**network, "cut": size // 3, "style": size - size // 3}
             training = {**settings["training"], "seed": self.seed}
             training["space"] *= model.space_share
-            found[name] = Task(
+            found[folder] = Task(
                 f"{_HERE}.train:train",
                 {
                     **self.files.bodies,
                     "data": f"{self.folder}/data/{name}",
                     # The file that the image encoder starts from, if there is one.
-                    "weights": settings["network"]["encoder_weights"] or [],
+                    "weights": network["encoder_weights"] or [],
                 },
                 {
                     "name": name,
                     "settings": {
-                        "network": settings["network"],
+                        "network": network,
                         "loss": settings["loss"],
                         "training": training,
                     },
@@ -120,28 +154,31 @@ class _SmplicitTasks:
     def evaluations(self) -> dict[str, EvaluationTask]:
         """Of each model, in pictures of people, and the comparisons with other models."""
         found: dict[str, tuple[Task, Sequence[str]]] = {
-            name: (self._evaluate(name), ("metrics",) if name in self.own.names else ())
-            for name in FIELD_MODELS
+            folder: (
+                self._evaluate(name, folder),
+                ("metrics",) if size is None and name in self.own.names else (),
+            )
+            for (name, size), folder in self._code_folders.items()
         }
         if self._samples:
-            found["images"] = (self._find_in_pictures(), ("metrics",))
-        # Types on which all models are compared, as far as a model here has learned them.
-        compared = [
-            garment
-            for garment in self.files.compared_garments
-            if MODEL_OF_GARMENT[garment] in self.own.names
-        ]
-        if compared:
-            found["representations"] = (self._compare(compared), ("representations",))
+            found["images"] = (self._find_in_pictures(), ("metrics", SYSTEMS))
+        if self._compared:
+            sizes = sorted({size for _, size in self._code_folders if size is not None})
+            found["representations"] = (self._compare([None]), (REPRESENTATIONS, SYSTEMS))
+            found["other_codes"] = (self._compare(sizes), (SYSTEMS,))
         if self.files.scanned:
-            found["scans"] = (self._fit_scans(), ("scans",))
+            found |= {
+                evaluation: (self._fit_scans(kind), (table,))
+                for evaluation, (kind, table) in SCAN_EVALUATIONS.items()
+            }
+            found["moved"] = (self._move(), (SYSTEMS,))
         return {f"evaluated/{name}": EvaluationTask(*one) for name, one in found.items()}
 
-    def _evaluate(self, name: str) -> Task:
+    def _evaluate(self, name: str, folder: str) -> Task:
         return Task(
             f"{_HERE}.evaluate:evaluate",
             {
-                "model": f"{self.folder}/{name}",
+                "model": f"{self.folder}/{folder}",
                 "data": f"{self.folder}/data/{name}",
                 "outfits": self.files.outfits_at_rest,
             },
@@ -180,27 +217,40 @@ class _SmplicitTasks:
             modules=[self.files.hanging_solver],
         )
 
-    def _compare(self, garments: list[str]) -> Task:
+    def _compare(self, sizes: Sequence[int | None]) -> Task:
+        garments = self._compared
         models = sorted({MODEL_OF_GARMENT[garment] for garment in garments})
+        variants = {
+            "smplicit" if size is None else f"smplicit_{size}": [
+                f"{self.folder}/evaluated/{self._code_folders[name, size]}" for name in models
+            ]
+            for size in sizes
+        }
         return Task(
             f"{_HERE}.representation:compare_codes",
             {
-                "evaluated": [f"{self.folder}/evaluated/{name}" for name in models],
+                **variants,
                 "data": self.files.static,
                 "outfits": self.files.outfits_at_rest,
             },
-            {"garments": garments, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {
+                "variants": [*variants],
+                "garments": garments,
+                "split": EVALUATED_SPLITS[0],
+                "seed": self.seed,
+            },
             seconds=1200,
             megabytes=1300,
             checks=[self.files.resting_in(*EVALUATED_SPLITS)],
         )
 
-    def _fit_scans(self) -> Task:
+    def _fit_scans(self, kind: str) -> Task:
         return Task(
             f"{_HERE}.scans.evaluate:fit_to_scans",
-            {**self.files.known_scans, "models": self.own.models},
+            {**self.files.known_scans(kind), "models": self.own.models},
             {
                 **self.own.draping("fit_scans"),
+                "kind": kind,
                 "split": EVALUATED_SPLITS[0],
                 "body": self.files.config["scans"]["body"],
             },
@@ -208,6 +258,30 @@ class _SmplicitTasks:
             megabytes=2500,
             modules=[self.files.hanging_solver],
         )
+
+    def _move(self) -> Task:
+        return Task(
+            f"{_HERE}.scans.evaluate:move_garments_at_rest",
+            {**self.files.bodies, **self.files.known_scans(CLEAN)},
+            {"split": EVALUATED_SPLITS[0], "seed": self.files.config["seed"]},
+            seconds=600,
+            megabytes=1500,
+        )
+
+    def packages(self) -> dict[str, Package]:
+        """The model of each part of the body."""
+        return {
+            f"smplicit/{name}": Package(
+                f"{self.folder}/{name}",
+                "Garments at rest as codes of a distance field, to be decoded and fitted",
+                'garment = model.decode(model.mean_code, gender="female", shape=[0.0] * 10)',
+                ("smplicit",),
+                tuple(f"smplicit_{name}_{way}" for way in ("fitted", "nearest_cut", "mean_code")),
+                ("surface_to_true_mm", "true_to_surface_mm", "openings_right"),
+                FIELD_MODELS[name].garments,
+            )
+            for name in self.own.names
+        }
 
     def samples(self) -> dict[str, Task]:
         """Garments sampled, interpolated and edited."""
@@ -354,6 +428,7 @@ def _plan(files: ExperimentFiles) -> ModelPlan:
         samples=tasks.samples(),
         figures=tasks.figures(),
         targets=tasks.targets(),
+        packages=tasks.packages(),
     )
 
 

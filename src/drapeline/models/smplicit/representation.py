@@ -8,7 +8,8 @@ import numpy as np
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
-from drapeline.models.compare import compare
+from drapeline.metrics.cost import Cost, read_costs
+from drapeline.models.compare import REPRESENTATION, compare
 from drapeline.models.contract import HeldOutGarment
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
@@ -68,15 +69,15 @@ class FieldCode:
     """The code fitted to a garment's field, and the open surface of the field of the code.
 
     Args:
+        variant: named in the rows.
         paths: files of the rule `evaluate_smplicit`, which hold both.
 
     Raises:
         InputError: a file is missing or lacks an array.
     """
 
-    variant = "smplicit"
-
-    def __init__(self, paths: Sequence[str | Path]) -> None:
+    def __init__(self, variant: str, paths: Sequence[str | Path]) -> None:
+        self.variant = variant
         self._known = {key: value for path in paths for key, value in load_held_out(path).items()}
 
     def code_numbers(self, garment: str) -> int | None:
@@ -94,4 +95,17 @@ class FieldCode:
 
 def compare_codes(job: Job) -> None:
     """Held-out garments as codes of SMPLicit."""
-    compare(job, [FieldCode([Path(folder) / HELD_OUT for folder in job.input.evaluated])])
+    folders = {variant: job.input[variant] for variant in job.params.variants}
+    codes = [
+        FieldCode(variant, [Path(folder) / HELD_OUT for folder in own])
+        for variant, own in folders.items()
+    ]
+    compare(job, codes, [_cost(variant, own) for variant, own in folders.items()])
+
+
+def _cost(variant: str, folders: Sequence[str | Path]) -> Cost:
+    """The mean of what codes of several models took."""
+    each = read_costs(folders)
+    seconds = (each["seconds"] * each["garments"]).sum() / max(each["garments"].sum(), 1)
+    garments, megabytes = int(each["garments"].sum()), each["megabytes"].max()
+    return Cost(REPRESENTATION, variant, float(seconds), garments, float(megabytes))

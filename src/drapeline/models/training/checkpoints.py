@@ -2,8 +2,9 @@
 
 What a training leaves for use is a safetensors file: the weights by name, and as its only entry of
 metadata, "drapeline", a text of JSON with all that the network is built from. Arrays in there stand
-among the weights, as `metadata/...`; the JSON has {"tensor": name} in their place. Files of torch,
-which are pickles, are read where other projects' weights or a training under way are in them.
+among the weights, as `metadata/...`; the JSON has {"tensor": name} in their place. Numbers may be
+stored in half precision; they are read as single. Files of torch, which are pickles, are read where
+other projects' weights or a training under way are in them.
 """
 
 import hashlib
@@ -28,6 +29,7 @@ Network = TypeVar("Network", bound=nn.Module)
 
 _ENTRY, _PREFIX, _REFERENCE = "drapeline", "metadata", "tensor"
 
+SMALL = 10_000  # numbers that are not worth storing in half precision
 _RARE = {torch.uint16, torch.uint32, torch.uint64}  # with which torch can do next to nothing
 _CHECKPOINT, _PLAIN_WEIGHTS = "a checkpoint in safetensors", "a checkpoint of plain weights"
 
@@ -63,6 +65,40 @@ def write_checkpoint(
     data = safetensors.torch.save(copies, {_ENTRY: text})
     with atomic_file(path) as scratch:
         scratch.write_bytes(data)
+
+
+def _whole(tensor: torch.Tensor) -> torch.Tensor:
+    """A copy of a tensor, in 32 bits if it was stored in 16."""
+    wide = {torch.float16: torch.float32, torch.int16: torch.int32}
+    return tensor.to(wide[tensor.dtype]) if tensor.dtype in wide else tensor.clone()
+
+
+def halve(value: Any) -> Any:
+    """Nested mappings and lists with all large tensors in half precision, to be stored.
+
+    Whole numbers of 32 bits are in 16 where these are enough. Small tensors, such as deviations,
+    stay as they are.
+
+    Raises:
+        InputError: a number is too large for half precision.
+    """
+    if isinstance(value, torch.Tensor):
+        if value.numel() < SMALL:
+            return value
+        if not value.is_floating_point():
+            low, high = -(2**15), 2**15
+            fits = value.dtype == torch.int32 and bool(((value >= low) & (value < high)).all())
+            return value.short() if fits else value
+        half = value.half()
+        if not torch.isfinite(half).all():
+            raise InputError(
+                f"a weight is {float(value.abs().max()):g}, expected at most"
+                f" {torch.finfo(torch.float16).max:g} in half precision"
+            )
+        return half
+    if isinstance(value, Mapping):
+        return {key: halve(part) for key, part in value.items()}
+    return [halve(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def _take_tensors(value: Any, name: str, tensors: dict[str, torch.Tensor]) -> Any:
@@ -105,7 +141,7 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
         with safetensors.safe_open(path, "pt") as file:
             text = (file.metadata() or {}).get(_ENTRY)
             # Copies, since the file may be replaced while its pages are mapped.
-            tensors = {name: file.get_tensor(name).clone() for name in sorted(file.keys())}
+            tensors = {name: _whole(file.get_tensor(name)) for name in sorted(file.keys())}
         metadata = None if text is None else _put_tensors(parse_json(text), tensors)
         _check_numbers(path, [tensors, metadata], path.stat().st_size)
     if not isinstance(metadata, dict) or not isinstance(metadata.get("checkpoint_type"), str):

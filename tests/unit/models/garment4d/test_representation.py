@@ -63,3 +63,31 @@ def test_principal_components_give_back_the_nearest_garment_of_their_space(
         )
         outside = np.linalg.norm(held.vertices - mesh.vertices)
         assert outside > 0.01  # 8 or 3 directions of 12
+
+
+def test_all_components_by_their_number_are_the_whole_code(spaces, tables, held_out):
+    whole, counted = TemplatePca(spaces, tables), TemplatePca(spaces, tables, 8)
+    assert (whole.variant, counted.variant) == ("garment4d_pca", "garment4d_pca_8")
+    for name in spaces:
+        assert counted.code_numbers(name) == whole.code_numbers(name)
+    for one, other in zip(whole.rebuild(held_out), counted.rebuild(held_out), strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+
+
+def test_fewer_components_rebuild_garments_no_better(spaces, tables, held_out):
+    """By the squares that the components are fitted to."""
+    registered = [mesh.vertices for mesh in RegisteredTemplate(spaces, tables).rebuild(held_out)]
+    errors = []
+    for count in range(9):
+        pca = TemplatePca(spaces, tables, count)
+        assert (pca.code_numbers("Skirt"), pca.code_numbers("Tshirt")) == (count, min(count, 3))
+        away = [mesh.vertices for mesh in pca.rebuild(held_out)]
+        scales = [spaces[one.garment].scale for one in held_out]
+        parts = zip(away, registered, scales, strict=True)
+        errors.append([np.linalg.norm((found - true) / by) for found, true, by in parts])
+    assert (np.diff(errors, axis=0) < 1e-5).all()
+    assert (np.array(errors[-1]) < 0.9 * np.array(errors[0])).all()
+    for one, vertices in zip(
+        held_out, TemplatePca(spaces, tables, 0).rebuild(held_out), strict=True
+    ):
+        np.testing.assert_allclose(vertices.vertices, spaces[one.garment].mean, atol=1e-6)

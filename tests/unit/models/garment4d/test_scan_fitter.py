@@ -7,9 +7,10 @@ import pytest
 
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.rest_body import rest_body
-from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.dataset.segmented_scans import ScanWindow, SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
+from drapeline.models.garment4d.ours.model import Guesser
 from drapeline.models.garment4d.reconstruct import NetworksModel
 from drapeline.models.garment4d.scans import (
     MOVED,
@@ -22,7 +23,7 @@ from drapeline.models.garment4d.scans import (
 )
 from drapeline.outfits.garment_types import LABELS
 from drapeline.registration.to_template.garment_space import fit_space
-from toys.garment4d import GARMENT, skirt_faces
+from toys.garment4d import GARMENT, skirt_faces, toy_sequences
 from toys.tiny_sample import tube
 
 STATE = BodyState.of(REST_POSE, np.array([0.1, -0.2, 1.0]), np.zeros(10))
@@ -101,7 +102,7 @@ def shown(toy_body):
 
 def test_components_networks_and_our_model_give_posed_garments(fitter, shown, toy_body):
     found = fitter.fit(shown, STATE)
-    assert set(found) == {PCA, MOVED, POSED, OURS}
+    assert set(found) == {PCA, MOVED, POSED, OURS} == set(fitter.watch.seconds)
     for garments in found.values():
         assert set(garments) == {GARMENT}
         mesh = garments[GARMENT]
@@ -124,3 +125,59 @@ def test_our_garment_is_not_simulated_since_nothing_moves(fitter, shown, ours, m
 def test_points_have_the_labels_of_the_scan(fitter, shown, monkeypatch):
     monkeypatch.setattr("drapeline.models.garment4d.ours.labels.LabelStage.logits", None)
     assert set(fitter.fit(shown, STATE)) == {PCA, MOVED, POSED, OURS}
+
+
+@pytest.fixture
+def moving(toy_body):
+    """A scan in the middle of seven frames of somebody in a skirt, relative to the root joint."""
+    one = toy_sequences(toy_body)[-1]
+    window = ScanWindow(one.points, one.labels.astype(np.uint8), one.poses, one.trans)
+    body = BodyState.of(one.poses[window.middle], np.zeros(3), one.shape)
+    points, labels = one.points[window.middle], window.labels[window.middle]
+    return SegmentedScan("s", 3, points, labels, ("Skirt",), "female", body, None, window)
+
+
+def in_order(seen):
+    """Points of each frame by their first coordinate, with the labels of their places."""
+    order = np.argsort(seen.points[..., 0], axis=1)
+    taken = np.take_along_axis(seen.points, order[..., None], axis=1)
+    return taken, np.take_along_axis(seen.labels, order, axis=1)
+
+
+def test_models_of_sequences_are_given_the_window(fitter, moving, ours, monkeypatch):
+    """All of its points, in some order, with their labels, poses and places."""
+    given, guess = [], Guesser.guess
+
+    def notice(self, seen, *rest):
+        given.append(seen)
+        return guess(self, seen, *rest)
+
+    monkeypatch.setattr(Guesser, "guess", notice)
+    found = fitter.fit(moving, moving.estimate)[OURS][GARMENT]
+    (seen,) = given
+    window = moving.window
+    for part, expected in zip(
+        (*in_order(seen), seen.poses, seen.trans),
+        (*in_order(window), window.poses, window.trans),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(part, expected)
+    laid = ours.final_step(guess(ours.guesser, seen).canonical, seen, ours.refining)
+    np.testing.assert_allclose(found.vertices, laid.final[window.middle], atol=1e-5)
+
+
+def test_a_window_shorter_than_what_models_take_is_a_body_that_stands_still(
+    fitter, moving, ours, monkeypatch
+):
+    error_m = np.full(len(ours.space.mean), 0.05)
+    ours.final_step = replace(ours.final_step, simulated_error_m=error_m)
+    module = "drapeline.models.garment4d.ours.final_step"
+    monkeypatch.setattr(f"{module}.simulate_proposals", None)
+    short = ScanWindow(*(part[2:4] for part in moving.window))
+    assert len(short.points) < ours.guesser.frames
+    alone, found = (
+        fitter.fit(replace(moving, window=window), moving.estimate) for window in (None, short)
+    )
+    assert alone.keys() == found.keys() == {PCA, MOVED, POSED, OURS}
+    for variant, garments in alone.items():
+        np.testing.assert_array_equal(found[variant][GARMENT].vertices, garments[GARMENT].vertices)

@@ -8,13 +8,14 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.baselines import fit_training_pca
+from drapeline.metrics.baselines import fit_training_pca, garment_baselines
 from drapeline.metrics.garment import garment_mesh
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codec import decode_codes, encode_garments
 from drapeline.models.gcvae.representation import (
     CodeScanFitter,
     FitCode,
+    GuessedOffsets,
     OffsetPca,
     RegisteredOffsets,
     RegisteredPoints,
@@ -83,6 +84,18 @@ def test_a_vae_gives_back_what_it_decodes_from_the_mean_of_the_posterior(model, 
         assert_same(mesh, garment_mesh(body + offsets, faces, mask))
 
 
+def test_guesses_are_worn_by_the_body_of_the_garment(garments, held_out):
+    template = toy_template()
+    for variant, guess in garment_baselines(garments).items():
+        guessed = GuessedOffsets(variant, guess, garments, template)
+        assert guessed.variant == variant
+        for one, mesh in zip(held_out, guessed.rebuild(held_out), strict=True):
+            assert guessed.code_numbers(one.garment) is None
+            body = template.rest_body(garments.cvar([one.row])[0])
+            offsets, mask = guess(one.row)
+            assert_same(mesh, garment_mesh(body + offsets, template.faces_of(one.garment), mask))
+
+
 STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))
 
 
@@ -136,9 +149,9 @@ def test_every_model_finds_every_garment(fitted, toy_body):
         Top=rest[96:] * [1.3, 1.3, 1],
     )
     bodies = {"female": toy_body, "male": toy_body}
-    found = CodeScanFitter({"one": fitted, "two": fitted}, bodies, FitCode(steps=2)).fit(
-        shown, STATE
-    )
+    fitter = CodeScanFitter({"one": fitted, "two": fitted}, bodies, FitCode(steps=2))
+    found = fitter.fit(shown, STATE)
+    assert fitter.watch.seconds.keys() == found.keys()
     assert {variant: set(garments) for variant, garments in found.items()} == {
         variant: {"Trousers", "Top"} for variant in ("one", "one_moved", "two", "two_moved")
     }

@@ -1,9 +1,12 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, loop_count
+from drapeline.models import contract
 from drapeline.models.smplicit import evaluate
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
@@ -18,6 +21,7 @@ from drapeline.models.smplicit.evaluate import (
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import new_field
 from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
+from drapeline.models.smplicit.surface.sheet import FieldGarment
 from toys.smplicit import toy_bodies, toy_outfits, toy_settings, tube
 from toys.smplicit_trainings import train_toy
 
@@ -177,6 +181,30 @@ def test_all_rows_of_a_split(model, fields, toy_body):
     assert held_out.z.shape == (2, 5)
     # Both lengths and widths of skirts are in the training data too.
     assert np.isfinite(rows.value[rows.variant == "smplicit_skirt_nearest_cut"]).all()
+
+
+def test_the_cost_is_that_of_fitting_and_decoding_and_not_of_measures(
+    model, fields, toy_body, monkeypatch
+):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(contract, "process_time", lambda: clock.now)
+
+    def slowly(name, seconds, function):
+        def slow(*given):
+            clock.now += seconds
+            return function(*given)
+
+        monkeypatch.setattr(evaluate, name, slow)
+
+    sheet = tube(0.3, -0.5, 0.0)
+    slowly("fit_held_out", 6, lambda *given: np.zeros((2, 5), np.float32))
+    slowly("garment_of_field", 2, lambda *given: FieldGarment(sheet, sheet))
+    for name in ("surface_measures", "area_distances_mm", "field_errors"):
+        slowly(name, 100, getattr(evaluate, name))
+    truth = true_meshes(fields, toy_outfits())
+    evaluation = FieldEvaluation(model, fields, truth, meshing=Meshing(), fit=FIT, seed=0)
+    evaluation.run("test", model.network)
+    assert evaluation.cost[:4] == ("representation", "skirt", (6 + 2 * 2) / 2, 2)
 
 
 def test_an_empty_split_is_refused(model, fields, toy_body, monkeypatch):

@@ -5,6 +5,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, boundary_loops
 from drapeline.learning_data.garment_fields import unsigned_distances
 from drapeline.models.load import load
+from drapeline.models.package import pack_model
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.models.smplicit.surface.fields import REACH_M, NearBody
@@ -83,6 +84,20 @@ def test_the_shared_loader_knows_it(model):
     assert isinstance(loaded, SmplicitModel)
     assert loaded.garments == ("Skirt",)
     np.testing.assert_array_equal(loaded.codes.z, model.codes.z)
+
+
+@pytest.mark.portable
+def test_a_packed_model_gives_nearly_the_same(model, tmp_path):
+    pack_model(model.folder, tmp_path / "skirt")
+    packed = load(tmp_path / "skirt")
+    np.testing.assert_allclose(packed.codes.z, model.codes.z, atol=1e-3)
+    for gender, body in model.bodies.items():
+        np.testing.assert_array_equal(packed.bodies[gender].faces, body.faces)
+    points = np.random.default_rng(0).uniform(*BOX, (500, 3)).astype(np.float32)
+    whole, half = (
+        one.field(model.mean_code, **WEARER).distances(points) for one in (model, packed)
+    )
+    assert np.abs(half - whole).mean() < 1e-3
 
 
 @pytest.mark.parametrize(

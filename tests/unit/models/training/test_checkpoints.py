@@ -7,12 +7,15 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from drapeline.errors import InputError
 from drapeline.models.training import checkpoints
 from drapeline.models.training.checkpoints import (
+    SMALL,
     Checkpoint,
     arrays_digest,
+    halve,
     load_network,
     load_state,
     read_checkpoint,
@@ -175,6 +178,50 @@ def test_trained_networks_are_built_from_what_they_said(tmp_path):
 def test_networks_of_another_kind_are_refused(tmp_path):
     with pytest.raises(InputError, match="a: holds a 'toy' network, expected tale"):
         load_network(saved(tmp_path / "a"), "tale", build)
+
+
+# ---- fewer bits
+
+
+def test_large_tensors_are_stored_in_16_bits_and_read_in_32(tmp_path):
+    few, many = SMALL - 1, SMALL
+    ends = torch.tensor([-(2**15), 2**15 - 1]).int()
+    whole = {
+        "layer": torch.linspace(-7, 8, many).reshape(100, -1),
+        "double": torch.linspace(0, 3, many, dtype=torch.float64),
+        "bias": torch.linspace(-7, 8, few),
+        "faces": ends.repeat(many // 2),
+        "beyond": (ends + 1).repeat(many // 2),
+        "count": torch.arange(many),
+        "some": torch.arange(few).int(),
+    }
+    stored = {"layer": torch.float16, "double": torch.float16, "faces": torch.int16}
+    read = {"layer": torch.float32, "double": torch.float32, "faces": torch.int32}
+    metadata = {**METADATA, "space": [dict(whole), 0.1, "text", None]}
+    write_checkpoint(tmp_path / "half", halve(whole), halve(metadata))
+    kept = load_file(tmp_path / "half")
+    assert len(kept) == 2 * len(whole)
+    for name, value in kept.items():
+        own = name.rpartition("/")[2]
+        assert value.dtype == stored.get(own, whole[own].dtype)
+    found = read_checkpoint(tmp_path / "half")
+    assert found.metadata["space"][1:] == metadata["space"][1:]
+    for tensors in (found.weights, found.metadata["space"][0]):
+        for name, value in whole.items():
+            assert tensors[name].dtype == read.get(name, value.dtype)
+            expected = value.half() if stored.get(name) == torch.float16 else value
+            assert torch.equal(tensors[name], expected.to(tensors[name].dtype))
+
+
+@pytest.mark.parametrize("number", [70_000.0, -1e9])
+def test_a_number_too_large_for_half_precision_is_refused(number):
+    sentence = f"a weight is {abs(number):g}, expected at most 65504 in half precision"
+    large = torch.full((SMALL,), 0.1)
+    large[7] = number
+    with pytest.raises(InputError, match=sentence.replace("+", r"\+")):
+        halve({"layer": [{"bias": large}]})
+    assert torch.equal(halve({"bias": large[1:]})["bias"], large[1:])
+    assert torch.equal(halve([large.long()])[0], large.long())
 
 
 # ---- files of torch

@@ -6,6 +6,7 @@ was estimated is. B windows of T clouds of P points, L labels.
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -13,16 +14,21 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+from drapeline.dataset.scans import to_scans
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import CloudData
 from drapeline.models.garment4d.canonical import Segmentation, as_level
 from drapeline.models.garment4d.data import SequenceWindows, spread_rows
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.ours.body_maps import body_map, map_cells
 from drapeline.models.garment4d.settings import LabelStageSettings, SegmentationSettings
-from drapeline.models.garment4d.stages import Stage
+from drapeline.models.garment4d.stages import Stage, load_kept_bodies, load_stage
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory, gather_rows
 from drapeline.models.training.batches import Batch
+from drapeline.models.training.module import fastest_device
 from drapeline.outfits.garment_types import BODY, GARMENT_TYPES, LABELS, OUTFIT_TYPES
 
 _CELL_M = 0.05  # of the maps that labels are predicted from
@@ -144,6 +150,74 @@ def choose_labels(logits: np.ndarray, garment: str) -> np.ndarray:
                 scores[..., asked] = np.logaddexp(scores[..., asked], scores[..., label])
             scores[..., label] = -np.inf
     return scores.argmax(axis=-1).astype(np.uint8)
+
+
+class LabelModel:
+    """Tells garments from skin, and each other, in point clouds of a dressed person.
+
+    Args:
+        folder: of the training, such as `results/garment4d/labels`.
+        device: to run the network on; CUDA where there is such a device if None.
+
+    Attributes:
+        names: what labels stand for.
+        bodies: of both genders, that it was trained with.
+
+    Raises:
+        InputError: a file is missing or damaged, or holds another model.
+    """
+
+    names = LABELS
+
+    def __init__(self, folder: str | Path, device: torch.device | str | None = None) -> None:
+        self.stage = load_stage(folder, LabelStage).to(torch.device(device or fastest_device()))
+        self.bodies = load_kept_bodies(folder)
+
+    def label(
+        self,
+        points: np.ndarray,
+        poses: np.ndarray,
+        shape: np.ndarray | Sequence[float],
+        *,
+        gender: str = GENDERS[0],
+        trans: np.ndarray | None = None,
+        garment: str | None = None,
+    ) -> np.ndarray:
+        """Labels (F, P) uint8 of points, indices into `names`.
+
+        Args:
+            points: (F, P, 3) metres, Z up.
+            poses: (F, 72) SMPL's axis-angle, rad; the root rotation takes the body from Y up to
+                Z up.
+            shape: (10,) SMPL's shape coefficients.
+            gender: "female" or "male".
+            trans: (F, 3) position of the root joint in the frame of the clouds, metres; the origin
+                if None.
+            garment: a type that is known to be worn, one of `names`, if any.
+
+        Raises:
+            InputError: arrays have other shapes or are not finite, the clouds are not near the
+                body, there are fewer frames than the network takes at once, or no such garment.
+        """
+        if garment is not None and garment not in LABELS[1:]:
+            raise InputError(f"garment: '{garment}', expected one of {', '.join(LABELS[1:])}")
+        poses = np.asarray(poses)
+        root = np.zeros((len(np.atleast_1d(poses)), 3)) if trans is None else trans
+        about = {"poses": poses, "shape": np.asarray(shape), "gender": gender, "trans": root}
+        scans = to_scans(points, about, self.bodies)
+        body, sizes = scans.body, {len(scan.points) for scan in scans.scans}
+        if len(sizes) > 1:
+            raise InputError(
+                f"points: clouds of {min(sizes)} to {max(sizes)} points, expected as many in each"
+            )
+        clouds = np.stack([scan.points for scan in scans.scans])
+        places = body_relative_points(self.bodies[body.gender], body.shape, body.poses, clouds)
+        logits = self.stage.logits(clouds, places[..., 3:])
+        return (
+            logits.argmax(-1).astype(np.uint8)
+            if garment is None
+            else choose_labels(logits, garment)
+        )
 
 
 def _split(outfit_type: str) -> list[str]:

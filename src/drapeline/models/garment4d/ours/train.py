@@ -1,5 +1,7 @@
 """Our model's trainings: of labels for all types, and of the rest for one."""
 
+from functools import partial
+
 import torch
 
 from drapeline.bodies.model import load_bodies
@@ -15,7 +17,7 @@ from drapeline.models.garment4d.ours.model import (
     save_our_model,
 )
 from drapeline.models.garment4d.settings import LabelStageSettings, SkinningSettings
-from drapeline.models.garment4d.stages import load_stage
+from drapeline.models.garment4d.stages import keep_bodies, load_stage
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import TrainingRun, fit
@@ -44,6 +46,7 @@ def train_labels(job: Job) -> None:
             **stage.settings.plain(),
             "data": arrays_digest(data.arrays()),
         },
+        complete=partial(keep_bodies, bodies=load_bodies(job.input)),
     )
 
 

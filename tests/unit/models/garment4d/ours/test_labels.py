@@ -7,18 +7,26 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
+from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import CloudData, collect_clouds
 from drapeline.models.garment4d.losses import balance_labels
 from drapeline.models.garment4d.ours.body_maps import body_map
 from drapeline.models.garment4d.ours.labels import (
     LabelledClouds,
+    LabelModel,
     LabelNetwork,
     LabelStage,
     choose_labels,
     map_heights,
 )
 from drapeline.models.garment4d.settings import LabelStageSettings
-from drapeline.models.garment4d.stages import CanonicalStage, load_stage
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    keep_bodies,
+    load_kept_bodies,
+    load_stage,
+)
+from drapeline.models.load import load
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
@@ -430,3 +438,80 @@ def test_networks_of_other_stages_are_refused(trained_labels, trained_canonical)
         load_stage(trained_labels, CanonicalStage)
     with pytest.raises(InputError, match="holds a 'garment4d_canonical' network, expected garment"):
         load_stage(trained_canonical, LabelStage)
+
+
+# ---- the trained network in use ---------------------------------------------------------------
+
+
+@pytest.fixture
+def model(labelling, toy_body, tmp_path):
+    write_checkpoint(tmp_path / BEST, labelling.state_dict(), labelling.checkpoint_metadata())
+    keep_bodies(tmp_path, toy_bodies(toy_body))
+    return LabelModel(tmp_path, "cpu")
+
+
+@pytest.fixture
+def seen(toy_body):
+    """Clouds of somebody in a skirt, and what is told of the body."""
+    one = toy_sequences(toy_body)[-1]
+    return one.points, {"poses": one.poses, "shape": one.shape, "gender": one.gender}
+
+
+def test_labels_are_the_likeliest_by_the_stages_logits(model, labelling, seen, toy_body):
+    points, about = seen
+    found = model.label(points, **about)
+    assert (found.shape, found.dtype) == (points.shape[:2], np.uint8)
+    assert found.max() < len(model.names) == len(LABELS)
+    places = body_relative_points(toy_body, about["shape"], about["poses"], points)
+    logits = labelling.logits(points, places[..., 3:])
+    np.testing.assert_array_equal(found, logits.argmax(-1))
+    skirt = model.label(points, **about, garment="Skirt")
+    np.testing.assert_array_equal(skirt, choose_labels(logits, "Skirt"))
+    assert {model.names[label] for label in np.unique(skirt)} <= WORN["Skirt"]
+
+
+def test_labels_are_the_same_wherever_the_body_stands(model, seen):
+    points, about = seen
+    trans = np.linspace([1.0, 2.0, 0.5], [1.5, 2.0, 0.75], len(points))
+    moved = model.label(points + trans[:, None], **about, trans=trans)
+    assert (moved == model.label(points, **about)).mean() > 0.99  # of rounded coordinates
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"garment": "Kilt"}, "garment: 'Kilt', expected one of Tshirt"),
+        ({"garment": "Body"}, "garment: 'Body', expected one of Tshirt"),
+        ({"points": np.zeros((7, 90, 2))}, r"frame 1: points have shape \(90, 2\)"),
+        ({"poses": np.zeros((7, 24, 3))}, r"poses has shape \(7, 24, 3\)"),
+        ({"poses": np.zeros((6, 72))}, "7 frames, but 6 poses; expected equal numbers"),
+        ({"shape": np.zeros(9)}, r"shape has shape \(9,\)"),
+        ({"trans": np.zeros((7, 2))}, r"trans has shape \(7, 2\)"),
+        ({"trans": np.ones((7, 3))}, "from the body, expected at most"),
+        ({"gender": "x"}, "gender is 'x', expected female"),
+    ],
+)
+def test_what_cannot_be_labelled_is_refused(model, seen, changed, sentence):
+    points, about = seen
+    with pytest.raises(InputError, match=sentence) as refused:
+        model.label(**{"points": points, **about, **changed})
+    assert "\n" not in str(refused.value)
+
+
+def test_clouds_of_different_sizes_and_few_of_them_are_refused(model, seen):
+    points, about = seen
+    with pytest.raises(InputError, match="points: clouds of 159 to 160 points, expected as many"):
+        model.label([points[0, 1:], *points[1:]], **about)
+    few = {**about, "poses": about["poses"][:2]}
+    with pytest.raises(InputError, match="2 frames, expected at least 3"):
+        model.label(points[:2], **few)
+
+
+def test_trained_labels_are_loaded_with_the_bodies_that_they_were_trained_with(
+    trained_labels, toy_body
+):
+    model = load(trained_labels)
+    assert isinstance(model, LabelModel)
+    for body in (*model.bodies.values(), *load_kept_bodies(trained_labels).values()):
+        np.testing.assert_array_equal(body.v_template, toy_body.v_template)
+        assert body.name == toy_body.name
