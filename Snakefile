@@ -41,6 +41,7 @@ onstart:
     check_cluster()
     remove_scraps()
     tell_left_out()
+    tell_starts()
 
 
 report: "workflow/report/workflow.rst"

@@ -18,6 +18,7 @@ from drapeline.models.garment4d.reconstruct import NetworksModel
 from drapeline.models.garment4d.settings import MGN_VARIANTS, POSED_VARIANTS
 from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PosedStage, load_stage
 from drapeline.models.load import load
+from drapeline.models.start import AT_RANDOM
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.models.training.settings import override_settings
@@ -88,7 +89,7 @@ def trained(run_rule, folder, bodies, sequences):
 
     def ours(name):
         if name == "labels":
-            params = {"settings": LABELLING, "trainer": {"accelerator": "cpu"}}
+            params = {"settings": LABELLING, "trainer": {"accelerator": "cpu"}, "start": AT_RANDOM}
             return "ours.train:train_labels", {"data": folder / "labelled", **bodies}, params
         given = {"data": folder / "data", "clouds": folder / "labelled", **bodies}
         given["labels"] = train("labels")

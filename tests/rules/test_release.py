@@ -42,6 +42,7 @@ def test_models_are_packed_with_the_commit_of_this_copy(run_rule, tmp_path):
         "seed": 3,
         "samples": {split: {"sequences": 1, "outfits at rest": 2} for split in splits},
         "clips": {split: [] for split in splits},
+        "learned": [],
     }
     run_rule(
         "pack_models",

@@ -10,6 +10,7 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.cost import read_costs
 from drapeline.metrics.table import read_metrics
 from drapeline.models.smplicit.representation import load_held_out
+from drapeline.models.start import AT_RANDOM
 from toys.outfits_at_rest import save_static
 from toys.smplicit import BOXES, toy_outfits
 
@@ -56,6 +57,7 @@ def made(folder, run_rule):
             "name": "skirt",
             "settings": SETTINGS,
             "trainer": {"accelerator": "cpu"},
+            "start": AT_RANDOM,
             "progress": str(folder / "progress"),
             "code": "x",
         },

@@ -248,6 +248,11 @@ PACKAGES = {
 }
 PACKAGED_FROM = {
     "seed": config["seed"],
+    "learned": sorted(
+        plan.sample
+        for plan in (*FILES.moving_plans.values(), *FILES.resting_plans.values())
+        if plan.split == "train"
+    ),
     "samples": {
         split: {
             "sequences": sum(
@@ -270,3 +275,21 @@ PACKAGED_FROM = {
         for split in SPLITS
     },
 }
+
+
+def tell_starts():
+    """Say which networks begin with the weights of models that come with drapeline."""
+    if config["init"] == "random":
+        return
+    for name, plan in PLANS.items():
+        for folder, task in plan.trainings.items():
+            start = task.params.get("start")
+            if start is not None:
+                logger.info(
+                    f"{name}/{folder} begins with"
+                    + (
+                        f" {start['folder']}."
+                        if start["folder"]
+                        else f" random weights: {start['reason']}."
+                    )
+                )

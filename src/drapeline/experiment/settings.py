@@ -397,6 +397,13 @@ class Experiment(Settings):
         "results", min_length=1, description="Folder for everything this experiment makes."
     )
     seed: int = Field(1, ge=0, description="Seed of all random choices.")
+    init: Literal["random", "package"] = Field(
+        "random",
+        description=(
+            "What networks begin with: random weights, or those of the models that come with "
+            "drapeline, where these have learned from nothing that is held out here."
+        ),
+    )
     body: Body = Field(Body(), title="Bodies")
     motions: Motions = Field(Motions(), title="Motions")
     outfits: Outfits = Field(Outfits(), title="Outfits")

@@ -9,17 +9,16 @@
 docs/reference/api.md shows more of it. Loading executes nothing that is in the files.
 """
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.job import resolve
 from drapeline.models.registry import models
+from drapeline.models.start import package_root
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
-WEIGHTS = "weights"  # folder of the models that come with drapeline
 _USED = "ours"  # the one to use of the models of a garment type, in its folder
 
 
@@ -29,7 +28,7 @@ def packaged(name: str) -> Path:
     Raises:
         InputError: there is none of that name.
     """
-    root = Path(str(files("drapeline"))) / WEIGHTS
+    root = package_root()
     names = sorted(path.parent.relative_to(root).as_posix() for path in root.rglob(BEST))
     if name not in names:
         known = f"or one of {', '.join(names)}" if names else "and this copy comes with no models"

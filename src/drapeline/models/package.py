@@ -18,11 +18,12 @@ from drapeline.errors import InputError
 from drapeline.job import Job
 from drapeline.metrics.table import ALL
 from drapeline.models.registry import Package
+from drapeline.models.start import ABOUT
 from drapeline.models.training.checkpoints import SMALL, halve, read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
 from drapeline.schema import Table
-from drapeline.storage import atomic_folder, load_npz, save_npz
+from drapeline.storage import atomic_folder, load_npz, save_npz, write_json
 
 CARD = "README.md"
 
@@ -62,7 +63,7 @@ def card(name: str, model: Package, about: Mapping[str, Any], metrics: Table) ->
 
     Args:
         about: `commit` and `seed` of the experiment, numbers of `samples` by split, in motion and
-            at rest, and `clips` by split.
+            at rest, `clips` by split, and the ids of samples that were `learned` from.
         metrics: of the test split, see `read_test_metrics`.
     """
     ours = metrics[metrics["model"].isin(model.models)]
@@ -127,6 +128,14 @@ def pack_models(job: Job) -> None:
     """
     metrics = read_test_metrics(job.input.metrics)
     with atomic_folder(job.output[0]) as scratch:
+        write_json(
+            scratch / ABOUT,
+            {
+                "seed": job.params.about["seed"],
+                "clips": job.params.about["clips"]["train"],
+                "samples": job.params.about["learned"],
+            },
+        )
         for name, fields in job.params.models.items():
             model = Package(**fields)
             pack_model(model.folder, scratch / name)

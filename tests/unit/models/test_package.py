@@ -10,7 +10,7 @@ from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
 from drapeline.models.gcvae.ppca import StaticPpca
 from drapeline.models.gcvae.settings import PpcaSettings
-from drapeline.models.load import WEIGHTS, load
+from drapeline.models.load import load
 from drapeline.models.package import CARD, card, pack_model, pack_models
 from drapeline.models.registry import Package
 from drapeline.models.training.checkpoints import SMALL
@@ -29,8 +29,8 @@ CODES = np.linspace(-1, 1, 3 * SETTINGS.network.latent).reshape(3, -1)
 @pytest.fixture
 def weights(tmp_path, monkeypatch) -> Path:
     """The folder of the models that come with drapeline, which has none yet."""
-    monkeypatch.setattr("drapeline.models.load.files", lambda package: tmp_path / package)
-    return tmp_path / "drapeline" / WEIGHTS
+    monkeypatch.setattr("drapeline.models.start.package_files", lambda name: tmp_path / name)
+    return tmp_path / "drapeline" / "weights"
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +166,7 @@ ABOUT = {
         for k, split in enumerate(("train", "val", "test"))
     },
     "clips": {"train": ["jump", "walk"], "val": ["spin"], "test": []},
+    "learned": ["00001", "s00001"],
 }
 
 

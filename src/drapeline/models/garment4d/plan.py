@@ -29,6 +29,7 @@ from drapeline.models.registry import (
     figure,
     page,
 )
+from drapeline.models.start import start_of
 from drapeline.models.training.settings import override_settings
 from drapeline.outfits.garment_types import GARMENTS
 
@@ -199,7 +200,11 @@ class _Garment4dTasks:
         return Task(
             f"{_HERE}.ours.train:train_labels",
             {**self.files.bodies, "data": self.own.labelled},
-            {"settings": self._stage_settings("labels"), "trainer": self.settings["trainer"]},
+            {
+                "settings": self._stage_settings("labels"),
+                "trainer": self.settings["trainer"],
+                "start": start_of(self.files, "labels"),
+            },
             seconds=seconds,
             megabytes=megabytes,
             checks=[

@@ -25,6 +25,7 @@ from drapeline.models.registry import (
 )
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.models.smplicit.settings import SmplicitSettings
+from drapeline.models.start import start_of
 
 _HERE = "drapeline.models.smplicit"
 _PAGES = "drapeline.report.models.smplicit"
@@ -143,6 +144,7 @@ class _SmplicitTasks:
                         "training": training,
                     },
                     "trainer": settings["trainer"],
+                    "start": start_of(self.files, f"smplicit/{folder}"),
                 },
                 seconds=0.004 * training["epochs"] * training["visits"] * outfits,
                 megabytes=700 + 20 * self.files.static_size,

@@ -12,7 +12,7 @@ from drapeline.models.smplicit.model import save_model_files
 from drapeline.models.smplicit.network import GarmentField, new_field
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
-from drapeline.models.training.checkpoints import arrays_digest
+from drapeline.models.training.checkpoints import arrays_digest, begin_with
 from drapeline.models.training.lightning import TrainingRun, fit
 
 
@@ -35,8 +35,12 @@ def train_field(
     data: FieldData,
     run: TrainingRun,
     complete: Callable[[Path], None] | None = None,
+    start: str = "",
 ) -> None:
     """Train a model on the training rows and leave a folder as `fit` does; see there.
+
+    Args:
+        start: folder of the model whose weights it begins with, if any.
 
     Raises:
         InputError: a point, a distance or the loss is not finite.
@@ -50,6 +54,7 @@ def train_field(
         "name": model.name,
         **model.settings.plain(),
         "data": arrays_digest(data.arrays()),
+        "start": start,
     }
     fit(
         model,
@@ -65,9 +70,11 @@ def train(job: Job) -> None:
     """SMPLicit's decoder, image encoder and styles for some garment types."""
     params, bodies, data = job.params, load_bodies(job.input), FieldData(job.input.data)
     model = new_field(params.name, data, bodies, FieldSettings(**params.settings))
+    begin_with(model, params.start, own=["styles"])
     train_field(
         model,
         data,
         TrainingRun.of(job),
         lambda folder: save_model_files(folder, model, data, bodies),
+        params.start["folder"],
     )

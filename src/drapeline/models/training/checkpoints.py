@@ -12,7 +12,7 @@ import io
 import json
 import pickle
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeVar
@@ -23,6 +23,7 @@ import torch
 from torch import nn
 
 from drapeline.errors import DamagedFile, InputError, refuse_damage
+from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, parse_json
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -177,6 +178,29 @@ def load_state(module: nn.Module, checkpoint: Checkpoint, path: str | Path) -> N
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
         raise DamagedFile(path, f"its weights do not fit its network ({reason})") from error
+
+
+def begin_with(module: nn.Module, start: Mapping[str, str], *, own: Collection[str] = ()) -> None:
+    """Let a training begin with the weights of a model that comes with drapeline, and say so.
+
+    Args:
+        start: see `drapeline.models.start.start_of`.
+        own: names of weights that belong to what is learned from; these and all buffers stay as
+            they are.
+
+    Raises:
+        InputError: the model is damaged, or its weights do not fit.
+    """
+    if start["reason"]:
+        LOGGER.warning("begins with random weights: %s", start["reason"])
+    if not start["folder"]:
+        return
+    path = Path(start["folder"]) / "best.safetensors"
+    weights = read_checkpoint(path).weights
+    kept_names = {*own, *(name for name, _ in module.named_buffers())}
+    kept = {name: value for name, value in module.state_dict().items() if name in kept_names}
+    load_state(module, Checkpoint(weights | kept, {}), path)
+    LOGGER.info("begins with the weights of %s", start["folder"])
 
 
 def load_network(

@@ -19,7 +19,7 @@ from drapeline.models.garment4d.ours.model import (
 from drapeline.models.garment4d.settings import LabelStageSettings, SkinningSettings
 from drapeline.models.garment4d.stages import keep_bodies, load_stage
 from drapeline.models.training.batches import TrainingBatches
-from drapeline.models.training.checkpoints import arrays_digest
+from drapeline.models.training.checkpoints import arrays_digest, begin_with
 from drapeline.models.training.lightning import TrainingRun, fit
 from drapeline.models.training.module import fastest_device
 from drapeline.registration.settings import RefineSettings
@@ -36,6 +36,7 @@ def train_labels(job: Job) -> None:
     clouds = LabelledClouds(
         data, frames=training.frames, stride=training.stride, sources=training.sources
     )
+    begin_with(stage, job.params.start)
     stage.prepare(clouds)
     fit(
         stage,
@@ -45,6 +46,7 @@ def train_labels(job: Job) -> None:
         settings={
             **stage.settings.plain(),
             "data": arrays_digest(data.arrays()),
+            "start": job.params.start["folder"],
         },
         complete=partial(keep_bodies, bodies=load_bodies(job.input)),
     )
