@@ -1,6 +1,6 @@
 """Dressed people side by side in motion, as an endless picture."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,10 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
+from drapeline.geometry.collision import PenetrationResolver
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.outfits.worn import push_over
 from drapeline.rendering.camera import Camera, facing_direction, frame_points, look_at
 from drapeline.rendering.pictures import save_animation
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
@@ -33,11 +37,16 @@ _FLOOR_REACH_M = 12.0
 class _MovingPerson:
     """Moves on the spot before the camera."""
 
-    meshes: Sequence[ColouredMesh]  # with the vertices of the first frame
+    # The body, and garments from the innermost to the outermost, with the vertices of the first
+    # frame.
+    meshes: Sequence[ColouredMesh]
     moving: Sequence[np.ndarray]  # (N, V, 3) of each mesh, metres, Z up, -Y to the camera
 
     def looped(self, start: int, frames: int) -> "_MovingPerson":
-        """The frames from `start` on, of which the last ones become those before `start`."""
+        """The frames from `start` on, of which the last ones become those before `start`.
+
+        Cloth that would pass through the body or other cloth on this way is kept off it.
+        """
         weight = (np.arange(1, _BLENDED + 1) / (_BLENDED + 1))[:, None, None]
         loops = []
         for vertices in self.moving:
@@ -45,7 +54,33 @@ class _MovingPerson:
             before = vertices[start - _BLENDED : start]
             loop[-_BLENDED:] = (1 - weight) * loop[-_BLENDED:] + weight * before
             loops.append(loop)
+        faces = [triangulate(mesh.faces) for mesh in self.meshes]
+        keep_off(loops, faces, range(frames - _BLENDED, frames))
         return _MovingPerson(self.meshes, loops)
+
+
+def keep_off(
+    moving: Sequence[np.ndarray], faces: Sequence[np.ndarray], frames: Iterable[int]
+) -> None:
+    """Move cloth off the body and off inner cloth in some frames, in place.
+
+    Args:
+        moving: (N, V, 3) metres, of the body and of garments from the innermost to the outermost.
+        faces: (F, 3) of each.
+        frames: numbers of the frames.
+    """
+    body, *garments = moving
+    sheets = list(zip(garments, faces[1:], strict=True))
+    averages = [averaging_matrix(sheet, cloth.shape[1]) for cloth, sheet in sheets]
+    resolver = PenetrationResolver(body[0], faces[0])
+    for frame in frames:
+        resolver.move(body[frame])
+        worn: list[Mesh] = []
+        for (cloth, sheet), average in zip(sheets, averages, strict=True):
+            cloth[frame] = resolver.push_out(cloth[frame], average)
+            for inner in worn:
+                cloth[frame] = push_over(cloth[frame], average, inner)
+            worn.append(Mesh(cloth[frame], sheet))
 
 
 def render_people(

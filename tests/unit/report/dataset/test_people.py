@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from drapeline.errors import InputError
-from drapeline.report.dataset.people import best_loop, render_people
+from drapeline.report.dataset.people import best_loop, keep_off, render_people
 from toys.tiny_sample import write_tiny_sample
 
 
@@ -31,6 +32,21 @@ def test_a_loop_starts_after_what_moves_otherwise():
     frames, (start,) = best_loop([moving])
     assert frames == 44
     assert start >= 28  # the frames that the end is blended with count as well
+
+
+def test_cloth_is_kept_off_the_body_and_off_inner_cloth_in_the_frames_asked_for():
+    body, inner, outer = (trimesh.creation.icosphere(3, radius) for radius in (1.0, 0.98, 0.97))
+    meshes = [body, inner, outer]
+    moving = [np.tile(one.vertices, (3, 1, 1)).astype(np.float32) for one in meshes]
+    before = [one.copy() for one in moving]
+    keep_off(moving, [np.asarray(one.faces, np.int32) for one in meshes], [1, 2])
+    for frame in (1, 2):
+        radii = [np.linalg.norm(one[frame], axis=1) for one in moving]
+        assert (radii[0] == np.linalg.norm(before[0][frame], axis=1)).all()
+        assert radii[1].min() > 1
+        assert (radii[2] > radii[1].max()).all()
+    for one, kept in zip(moving, before, strict=True):
+        np.testing.assert_array_equal(one[0], kept[0])
 
 
 def test_people_stand_side_by_side_and_move_endlessly(toy_body, tmp_path):
