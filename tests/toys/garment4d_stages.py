@@ -25,6 +25,7 @@ from drapeline.models.garment4d.stages import (
     save_seen_forms,
 )
 from drapeline.models.garment4d.train import train_stage
+from drapeline.models.start import AT_RANDOM
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.lightning import TrainingRun
 from drapeline.registration.settings import RefineSettings
@@ -71,7 +72,8 @@ def train_toy_labels(
     given = {"data": data, **save_toy_bodies(folder / "bodies")}
     progress = folder / ".progress" / name
     trainer = {"accelerator": "cpu"}
-    train_labels(job_of(given, folder / name, progress, settings=values, trainer=trainer))
+    told = {"settings": values, "trainer": trainer, "start": AT_RANDOM}
+    train_labels(job_of(given, folder / name, progress, **told))
     return folder / name
 
 

@@ -145,7 +145,8 @@ def to_scans(
 
     Args:
         points: F clouds (n, 3), world coordinates in metres; n may differ.
-        parameters: of the body, by the keys that `read_scans` describes.
+        parameters: of the body, by the keys that `read_scans` describes; a `trans` of None is the
+            origin in all frames.
         bodies: body models by gender.
         labels: F arrays (n,) of integers, if the clouds are segmented.
         name: of the clouds, for errors.
@@ -160,6 +161,8 @@ def to_scans(
     for frame, scan in enumerate(scans, 1):
         _check_scan(f"{name}: frame {frame}", scan)
     arrays = {key: np.asarray(value) for key, value in parameters.items()}
+    if parameters.get("trans", "") is None:
+        arrays["trans"] = np.zeros((len(np.atleast_1d(arrays["poses"])), 3))
     body = _parse_body_parameters(f"{name}: the body", arrays, bodies)
     if len(scans) != len(body.poses):
         raise InputError(

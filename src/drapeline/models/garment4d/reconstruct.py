@@ -329,13 +329,7 @@ class ReconstructionModel(ABC):
                 body, there are fewer frames than the networks take at once, or fewer points than
                 `least_share` are taken for the garment.
         """
-        poses = np.asarray(poses)
-        parameters = {
-            "poses": poses,
-            "shape": np.asarray(shape),
-            "gender": gender,
-            "trans": np.zeros((len(np.atleast_1d(poses)), 3)) if trans is None else trans,
-        }
+        parameters = {"poses": poses, "shape": shape, "gender": gender, "trans": trans}
         scans = to_scans(points, parameters, self.bodies.models)
         made = self.reconstruct_scans(scans, name="points", seed=seed, least_share=least_share)
         seen = made.seen

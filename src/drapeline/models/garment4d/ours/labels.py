@@ -201,9 +201,7 @@ class LabelModel:
         """
         if garment is not None and garment not in LABELS[1:]:
             raise InputError(f"garment: '{garment}', expected one of {', '.join(LABELS[1:])}")
-        poses = np.asarray(poses)
-        root = np.zeros((len(np.atleast_1d(poses)), 3)) if trans is None else trans
-        about = {"poses": poses, "shape": np.asarray(shape), "gender": gender, "trans": root}
+        about = {"poses": poses, "shape": shape, "gender": gender, "trans": trans}
         scans = to_scans(points, about, self.bodies)
         body, sizes = scans.body, {len(scan.points) for scan in scans.scans}
         if len(sizes) > 1:
