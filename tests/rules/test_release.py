@@ -43,6 +43,7 @@ def test_models_are_packed_with_the_commit_of_this_copy(run_rule, tmp_path):
         "samples": {split: {"sequences": 1, "outfits at rest": 2} for split in splits},
         "clips": {split: [] for split in splits},
         "learned": [],
+        "config": "mine.yaml",
     }
     run_rule(
         "pack_models",

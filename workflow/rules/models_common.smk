@@ -54,6 +54,7 @@ METRIC_TABLES["metrics"] += [
     *METRIC_TABLES["representations"],
     *METRIC_TABLES.get("scans", []),
 ]
+METRIC_TABLES["packaged"] += METRIC_TABLES["metrics"]
 
 
 def table_evaluations(wildcards):
@@ -247,6 +248,7 @@ PACKAGES = {
     name: package for plan in PLANS.values() for name, package in plan.packages.items()
 }
 PACKAGED_FROM = {
+    "config": " + ".join(map(os.path.basename, workflow.configfiles)) or "config.yaml",
     "seed": config["seed"],
     "learned": sorted(
         plan.sample

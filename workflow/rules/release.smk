@@ -2,7 +2,7 @@
 rule pack_models:
     input:
         [package.folder for package in PACKAGES.values()],
-        metrics=f"{RESULTS}/metrics.tsv",
+        metrics=f"{RESULTS}/packaged.tsv",
     output:
         directory(f"{RESULTS}/weights"),
     log:

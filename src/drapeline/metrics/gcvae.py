@@ -40,6 +40,7 @@ VARIANTS = {
     },
     "ppca": {
         "static_ppca": Variant(_PPCA),
+        "static_ppca_*": Variant(f"{_PPCA}, {{}} numbers"),
         "dynamic_ppca": Variant(_PPCA),
         "dynamic_ppca_settled": Variant(f"{_PPCA}, smoothed and pushed out of the body"),
         "dynamic_ppca_prior": Variant(f"{_PPCA}{_UNSEEN}"),

@@ -62,8 +62,8 @@ def card(name: str, model: Package, about: Mapping[str, Any], metrics: Table) ->
     """What a model is, what it has learned from, how well it does, and what it cannot do.
 
     Args:
-        about: `commit` and `seed` of the experiment, numbers of `samples` by split, in motion and
-            at rest, `clips` by split, and the ids of samples that were `learned` from.
+        about: `config`, `commit` and `seed` of the experiment, numbers of `samples` by split, in
+            motion and at rest, `clips` by split, and the ids of samples that were `learned` from.
         metrics: of the test split, see `read_test_metrics`.
     """
     ours = metrics[metrics["model"].isin(model.models)]
@@ -89,8 +89,8 @@ It knows {_listed(model.garments)}, on bodies of [Anny](https://github.com/naver
 
 ## Data
 
-The reference experiment of drapeline, `workflow/config/reference.yaml`, at commit {about["commit"]}, with the seed
-{about["seed"]}: outfits at rest, and simulated samples in motion. It has learned from the training split, and choices were made on the
+An experiment of drapeline, `{about["config"]}`, at commit {about["commit"]}, with the seed {about["seed"]}: outfits at rest, and
+simulated samples in motion. It has learned from the training split, and choices were made on the
 validation split; no clip and no body is in two of them.
 
 {markdown_table(rows)}

@@ -167,6 +167,7 @@ ABOUT = {
     },
     "clips": {"train": ["jump", "walk"], "val": ["spin"], "test": []},
     "learned": ["00001", "s00001"],
+    "config": "mine.yaml",
 }
 
 
@@ -208,7 +209,7 @@ def test_a_card_says_what_a_model_is_has_learned_and_can(tmp_path):
     assert text.startswith("# rest/toy\n\nGarments at rest as codes, by drapeline")
     assert f'model = drapeline.load("rest/toy")\n{PACKAGE.use}\n' in text
     assert "skirts, dresses and trousers, on bodies" in text
-    assert "at commit abc1234, with the seed\n3:" in text
+    assert "`mine.yaml`, at commit abc1234, with the seed 3:" in text
     tables = tables_of(text)
     assert tables["Data"] == [
         ["split", "sequences", "outfits at rest", "clips"],

@@ -16,6 +16,8 @@ from drapeline.models.gcvae.settings import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
     MOVERS,
+    PACKAGED_LATENT,
+    PACKAGED_PPCA,
     PICTURES,
     SHORT_SVAES,
     SOLVER,
@@ -28,6 +30,7 @@ from drapeline.models.gcvae.settings import (
 )
 from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
+    PACKAGED,
     REPRESENTATIONS,
     SCAN_EVALUATIONS,
     SYSTEMS,
@@ -92,7 +95,8 @@ class _GcvaeTasks:
         return {
             "conditioning/static": self._conditioning_static(),
             **{name: self._svae(name) for name in SVAE_VARIANTS},
-            STATIC_PPCA: self._static_ppca(),
+            STATIC_PPCA: self._static_ppca(self._ppca("svae")),
+            PACKAGED_PPCA: self._static_ppca({**self._ppca("svae"), "latent": PACKAGED_LATENT}),
             **{
                 f"conditioning/{version}_{frames}": self._conditioning_dynamic(version, frames)
                 for version, frames in map(dynamic_conditions, DVAE_VARIANTS)
@@ -199,12 +203,12 @@ class _GcvaeTasks:
         """Settings of the PCA that the svae or dvae is compared with: codes of the same size."""
         return {"latent": self.settings[model]["network"]["latent"], "seed": self.seed}
 
-    def _static_ppca(self) -> Task:
+    def _static_ppca(self, settings: Mapping[str, Any]) -> Task:
         size = self.files.static_size
         return Task(
             f"{_HERE}.train:fit_static_ppca",
             {**self._template(), "data": self.files.static},
-            {"settings": self._ppca("svae")},
+            {"settings": settings},
             seconds=40 * size,
             megabytes=2000 + 300 * size,
             checks=[self.files.resting_in("train", "val")],
@@ -276,6 +280,7 @@ class _GcvaeTasks:
         ):
             for name in names:
                 found[name] = (task(name), always if name in _DEFAULT else (_ABLATIONS,))
+        found[PACKAGED_PPCA] = (self._evaluate_static(PACKAGED_PPCA), (PACKAGED,))
         if self.simulated_again:
             found["dynamic_floor"] = (self._floor(), always)
         if self.pictured:
@@ -496,11 +501,12 @@ class _GcvaeTasks:
         """The linear model of garments at rest, which is the better one."""
         return {
             "gcvae": Package(
-                f"{self.folder}/{STATIC_PPCA}",
-                "Garments at rest as codes of 128 numbers, to be sampled, encoded and decoded",
+                f"{self.folder}/{PACKAGED_PPCA}",
+                f"Garments at rest as codes of {PACKAGED_LATENT} numbers, to be sampled, encoded"
+                " and decoded",
                 'skirts = model.sample(8, "Skirt", gender="female", seed=1)',
                 ("ppca", "baseline"),
-                (STATIC_PPCA, "pca", "mean_garment", "nearest_cvar"),
+                (PACKAGED_PPCA, "pca", "mean_garment", "nearest_cvar"),
                 ("surface_error_mm", "normal_error_deg", "mask_iou"),
                 tuple(self.files.types_at_rest("train")),
             )

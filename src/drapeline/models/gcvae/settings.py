@@ -54,6 +54,10 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
 # Masked probabilistic PCA, which the networks are compared with.
 STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
 
+# The one that comes with drapeline: half as many numbers as the config's, and half as large.
+PACKAGED_LATENT = 64
+PACKAGED_PPCA = f"{STATIC_PPCA}_{PACKAGED_LATENT}"
+
 # The network that predicts wrinkles from motion.
 WRINKLE_MLP = "wrinkle_mlp"
 _FRAMES = {DYNAMIC_PPCA: 4, WRINKLE_MLP: 2}  # that others than the DVAE are conditioned on
