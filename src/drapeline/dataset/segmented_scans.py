@@ -128,19 +128,20 @@ def scan_sample(
         estimated = np.zeros(10)
         if settings.shape is not None:
             estimated = shape + rng.normal(scale=settings.shape, size=10)
-        window = None
-        if settings.window > 1:
+        if settings.window == 1:
+            (points, labels), window = cloud(frame), None
+        else:
             # Towards the ends of a sample there are fewer frames on both sides.
             reach = min(settings.window // 2, frame, sample.frame_count - frame - 1)
             taken = slice(frame - reach, frame + reach + 1)
-            clouds_around = [cloud(number) for number in range(taken.start, taken.stop)]
+            around = [cloud(number) for number in range(taken.start, taken.stop)]
+            points, labels = around[reach]
             window = ScanWindow(
-                np.stack([places for places, _ in clouds_around]),
-                np.stack([codes for _, codes in clouds_around]),
+                np.stack([places for places, _ in around]),
+                np.stack([codes for _, codes in around]),
                 sample.info.poses[taken] + turned,
                 np.array(sample.info.trans[taken], dtype=float),
             ).shifted(moved)
-        points, labels = cloud(frame)
         scans.append(
             SegmentedScan(
                 f"{sample.id}_{frame:03d}",

@@ -41,7 +41,7 @@ def variant(model: str, name: str) -> Variant:
 
 
 # What the rows of cleaner and of worse scans are of as well.
-_SAME = {"clean_scan": "scan", "worse_scan": "scan"}
+_SAME = dict.fromkeys((shared.CLEAN_SCAN, shared.WORSE_SCAN), shared.SCAN)
 
 
 def variants(model: str) -> Mapping[str, Variant]:

@@ -2,6 +2,9 @@
 
 from drapeline.metrics.metric import LARGER, Metric, Variant
 
+# What models of rows are called that compare all systems.
+REPRESENTATION, MOVED = "representation", "moved"
+SCAN, CLEAN_SCAN, WORSE_SCAN = "scan", "clean_scan", "worse_scan"
 # The surface error of garments that a model has learned from: it stands beside that of others.
 TRAINING_ERROR = "training_error_mm"
 METRICS = {
@@ -45,13 +48,13 @@ VARIANTS = {
             "The same garment, simulated by the fast solver", competes=False
         ),
     },
-    "moved": {
+    MOVED: {
         "again_rest_shape": Variant(
             "Simulated again by its own solver, its rest shape changed by 1 mm", competes=False
         ),
         "again_other_solver": Variant("Simulated by the fast solver", competes=False),
     },
-    "scan": {
+    SCAN: {
         "scan_body_estimated": Variant("Body as estimated"),
         "scan_body_fitted": Variant("Body fitted to the scan"),
         "scan_body_joint": Variant("Body fitted again, jointly with SMPLicit's codes"),

@@ -29,6 +29,7 @@ from drapeline.metrics.garment import mesh_measures
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.predictions import BODY, FITTED, TRUE, Fits, save_fitted_scans
 from drapeline.metrics.properties import COMMON, measure_properties, scan_class
+from drapeline.metrics.shared import CLEAN_SCAN, MOVED, REPRESENTATION, SCAN, WORSE_SCAN
 from drapeline.metrics.table import ALL, join, summarise, write_evaluation
 from drapeline.models.contract import (
     HeldOutGarment,
@@ -48,9 +49,8 @@ from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
-# Of the rows in the table of metrics.
-REPRESENTATION, SCAN, MOVED = "representation", "scan", "moved"
-SCANNED = {NOISY: SCAN, CLEAN: "clean_scan", WORSE: "worse_scan"}  # kind of scans -> the same
+# Kind of scans -> the model of its rows in the table of metrics.
+SCANNED = {NOISY: SCAN, CLEAN: CLEAN_SCAN, WORSE: WORSE_SCAN}
 
 
 def held_out_garments(
@@ -272,17 +272,9 @@ def fit_scans(job: Job, fitter: ScanFitter, bodies: Mapping[str, BodyModel]) -> 
             scans, `split` and `seed`.
         bodies: by gender.
     """
-    params = job.params
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
-    rows, found, costs = compare_scan_fits(
-        scans,
-        lambda known: fitter.fit(known.scan, known.body),
-        fitter.watch,
-        model=SCANNED[params.kind],
-        split=params.split,
-        seed=params.seed,
-    )
-    write_frames(job.output[0], rows, found, costs)
+    model = SCANNED[job.params.kind]
+    answer_frames(job, scans, lambda one: fitter.fit(one.scan, one.body), fitter.watch, model)
 
 
 def move_garments(job: Job, mover: Mover, bodies: Mapping[str, BodyModel]) -> None:
@@ -293,23 +285,26 @@ def move_garments(job: Job, mover: Mover, bodies: Mapping[str, BodyModel]) -> No
             taken of; its params `split` and `seed`.
         bodies: by gender.
     """
-    params = job.params
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
-    rows, found, costs = compare_scan_fits(
-        scans,
-        lambda known: mover.move(known.person),
-        mover.watch,
-        model=MOVED,
-        split=params.split,
-        seed=params.seed,
-    )
-    write_frames(job.output[0], rows, found, costs)
+    answer_frames(job, scans, lambda one: mover.move(one.person), mover.watch, MOVED)
+
+
+def answer_frames(
+    job: Job,
+    scans: Sequence[KnownScan],
+    answer: Callable[[KnownScan], Fits],
+    watch: Stopwatch,
+    model: str,
+) -> None:
+    """Leave an evaluation of garments in frames, see `compare_scan_fits` for the arguments."""
+    about = {"model": model, "split": job.params.split, "seed": job.params.seed}
+    write_frames(job.output[0], *compare_scan_fits(scans, answer, watch, **about))
 
 
 def write_frames(
     folder: str | Path, rows: Table, found: Mapping[str, Fits], costs: Sequence[Cost]
 ) -> None:
-    """Leave an evaluation of garments in frames, see `compare_scan_fits`."""
+    """Leave what `compare_scan_fits` gave."""
 
     def complete(made: Path) -> None:
         save_fitted_scans(made / FITTED, found)

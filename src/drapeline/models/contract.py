@@ -65,8 +65,9 @@ class Stopwatch:
         """Count the time within for each of these, which share what is done."""
         start = process_time()
         yield
+        seconds = process_time() - start
         for variant in variants:
-            self.seconds[variant] += process_time() - start
+            self.seconds[variant] += seconds
 
 
 class MovingPerson(NamedTuple):

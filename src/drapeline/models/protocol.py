@@ -25,10 +25,9 @@ from drapeline.learning_data.static import StaticData
 from drapeline.metrics.metric import Measured, Variant
 from drapeline.metrics.predictions import Fits
 from drapeline.metrics.registry import variant
+from drapeline.metrics.shared import MOVED, REPRESENTATION
 from drapeline.metrics.table import join, summarise, write_evaluation
 from drapeline.models.compare import (
-    MOVED,
-    REPRESENTATION,
     SCANNED,
     KnownScan,
     compare_representations,

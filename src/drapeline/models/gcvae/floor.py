@@ -15,8 +15,9 @@ from drapeline.job import Job
 from drapeline.learning_data.moving import moving_files
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.registered import measure_motion, measured_in_motion
+from drapeline.metrics.shared import MOVED
 from drapeline.metrics.table import join, summarise, write_evaluation
-from drapeline.models.compare import MOVED, KnownScan, compare_scan_fits, known_scans, write_frames
+from drapeline.models.compare import KnownScan, answer_frames, known_scans
 from drapeline.models.contract import Stopwatch
 from drapeline.registration.to_body.topology import load_topology
 
@@ -48,7 +49,7 @@ def evaluate_floor(job: Job) -> None:
 
 def move_garments_again(job: Job) -> None:
     """Frames of scanned test samples, simulated again."""
-    given, params, bodies = job.input, job.params, load_bodies(job.input)
+    given, bodies = job.input, load_bodies(job.input)
     folders = samples_of(given.samples)
     scans = known_scans(given.scans, folders, bodies)
     scanned = {known.person.sample for known in scans}
@@ -72,7 +73,4 @@ def move_garments_again(job: Job) -> None:
             }
         }
 
-    rows, fits, costs = compare_scan_fits(
-        scans, answer, watch, model=MOVED, split=params.split, seed=params.seed
-    )
-    write_frames(job.output[0], rows, fits, costs)
+    answer_frames(job, scans, answer, watch, MOVED)

@@ -449,11 +449,9 @@ class _GcvaeTasks:
         )
 
     def _compare_other_codes(self) -> Task:
-        models = [f"{self.folder}/{name}" for name in SHORT_SVAES]
-        return self._compare()._replace(
-            run=f"{_HERE}.evaluate:compare_other_codes",
-            input={**self._compare().input, "models": models},
-        )
+        task, models = self._compare(), [f"{self.folder}/{name}" for name in SHORT_SVAES]
+        run = f"{_HERE}.evaluate:compare_other_codes"
+        return task._replace(run=run, input={**task.input, "models": models})
 
     def _fit_scans(self, kind: str) -> Task:
         return Task(

@@ -24,8 +24,9 @@ from drapeline.metrics.garment import (
 )
 from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.metrics.registered import measured_at_rest
+from drapeline.metrics.shared import REPRESENTATION
 from drapeline.metrics.table import join, summarise, write_evaluation
-from drapeline.models.compare import REPRESENTATION, cost_so_far
+from drapeline.models.compare import cost_so_far
 from drapeline.models.contract import Stopwatch
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import GarmentField, Points, fit_codes, new_field

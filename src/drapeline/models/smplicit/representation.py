@@ -9,7 +9,8 @@ import numpy as np
 from drapeline.geometry.mesh import Mesh
 from drapeline.job import Job
 from drapeline.metrics.cost import Cost, read_costs
-from drapeline.models.compare import REPRESENTATION, compare
+from drapeline.metrics.shared import REPRESENTATION
+from drapeline.models.compare import compare
 from drapeline.models.contract import HeldOutGarment
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz

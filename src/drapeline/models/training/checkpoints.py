@@ -23,6 +23,7 @@ import torch
 from torch import nn
 
 from drapeline.errors import DamagedFile, InputError, refuse_damage
+from drapeline.models.training.module import BEST
 from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, parse_json
 
@@ -195,7 +196,7 @@ def begin_with(module: nn.Module, start: Mapping[str, str], *, own: Collection[s
         LOGGER.warning("begins with random weights: %s", start["reason"])
     if not start["folder"]:
         return
-    path = Path(start["folder"]) / "best.safetensors"
+    path = Path(start["folder"]) / BEST
     weights = read_checkpoint(path).weights
     kept_names = {*own, *(name for name, _ in module.named_buffers())}
     kept = {name: value for name, value in module.state_dict().items() if name in kept_names}

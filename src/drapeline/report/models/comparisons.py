@@ -5,13 +5,13 @@ from pathlib import Path
 
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
+from drapeline.metrics.shared import REPRESENTATION, SCAN
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENT4D_TYPES
 from drapeline.report.html import number
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
 from drapeline.schema import Table
 
-REPRESENTATION, SCAN = "representation", "scan"
 _WAYS = {
     "surface_to_true_mm": "From {} to the true garment (mm)",
     "true_to_surface_mm": "From the true garment to {} (mm)",

@@ -9,9 +9,10 @@ import pandas as pd
 from drapeline.metrics.cost import read_costs
 from drapeline.metrics.properties import COMMON
 from drapeline.metrics.registry import variant, variants
+from drapeline.metrics.shared import CLEAN_SCAN, MOVED, REPRESENTATION, WORSE_SCAN
 from drapeline.metrics.table import ALL, METRICS_FILE
 from drapeline.report.html import number, write_page
-from drapeline.report.models.comparisons import REPRESENTATION, measured_variants
+from drapeline.report.models.comparisons import measured_variants
 from drapeline.report.tables import MetricTable, Rows, Section, read_test_metrics
 from drapeline.schema import Table
 
@@ -37,20 +38,20 @@ QUESTIONS = (
         " nothing of it, the mean and the nearest training garment, have no code.",
     ),
     Question(
-        "moved",
+        MOVED,
         "Motion, predicted",
         "Each is told the true garment at rest, the wearer, and all poses up to the frame, and says"
         " where the cloth is. The last rows are simulations of the same: what is left to chance.",
     ),
     Question(
-        "clean_scan",
+        CLEAN_SCAN,
         "A garment in motion, from exact points",
         "Each is given labelled points of a known body, exact and from all around; models of"
         " sequences have the frames before and after as well, those of single frames this one"
         " alone.",
     ),
     Question(
-        "worse_scan",
+        WORSE_SCAN,
         "The same from one camera, with noise and holes",
         "The points are what one camera sees, noisy and with holes, and the body is estimated: all"
         " are given the same body, fitted to the skin among the points.",

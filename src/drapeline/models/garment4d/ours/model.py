@@ -242,10 +242,7 @@ def fit_regression(
         own, others = data.rows(sequence), clouds.rows_of(str(data.name[sequence]))
         both = (
             (data.on_body[own], data.labels[own]),
-            (
-                clouds.on_worse_body[others],
-                clouds.worse_labels[others],
-            ),
+            (clouds.on_worse_body[others], clouds.worse_labels[others]),
         )
         for worse, (places, labels) in enumerate(both):
             on_body = torch.from_numpy(np.array(places[span]))
