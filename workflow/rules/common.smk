@@ -107,7 +107,7 @@ def wake_once(scheduler, delay):
     hundred jobs it looks ten times in a second, which takes a quarter of a core.
     """
     now = time.monotonic()
-    if now < getattr(scheduler, "wakes_at", 0):
+    if now < getattr(scheduler, "wakes_at", 0) <= now + delay:
         return
     scheduler.wakes_at = now + delay
     timer = threading.Timer(delay, scheduler._open_jobs.release)
