@@ -20,8 +20,8 @@ from toys.gcvae_files import SETTINGS, shaken, template_on_body
 from toys.moving import moving_data, moving_garment
 
 FRAMES, NAMES = 14, ("Trousers", "Top")
-# Which of two faces of the body is the nearest may depend on the frames that were there before.
-SETTLED_M = 1e-3
+# On average: of a few vertices, which face of the body is the nearest depends on the frames before.
+SETTLED_M = 1e-4
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,8 @@ def test_some_frames_are_those_of_the_whole_motion(model, static, data, person, 
     )
     for name in NAMES:
         assert len(whole[name]) == FRAMES
-        np.testing.assert_allclose(last[name], whole[name][-2:], atol=SETTLED_M if settle else 1e-6)
+        apart = np.abs(last[name] - whole[name][-2:])
+        assert apart.mean() < SETTLED_M if settle else apart.max() < 1e-6
         # They are not those of the first frames.
         assert np.abs(last[name] - whole[name][:2]).max() > 0.01
 
@@ -99,7 +100,7 @@ def test_a_learned_mover_gives_the_last_frame_of_the_motion(
         assert [*garments] == [*NAMES]
         for name, mesh in garments.items():
             np.testing.assert_array_equal(mesh.faces, person.rest[name].faces)
-            np.testing.assert_allclose(mesh.vertices, expected[name][-1], atol=SETTLED_M)
+            assert np.abs(mesh.vertices - expected[name][-1]).mean() < SETTLED_M
 
 
 def test_a_motion_may_be_shorter_than_a_history(model, static, data, person, bodies, toy_body):
@@ -107,7 +108,7 @@ def test_a_motion_may_be_shorter_than_a_history(model, static, data, person, bod
     found = LearnedMover({"one": model}, static, data, bodies).move(short)["one"]
     expected = move(model, static, data, short, toy_body, settle=True)
     for name, mesh in found.items():
-        np.testing.assert_allclose(mesh.vertices, expected[name][-1], atol=SETTLED_M)
+        assert np.abs(mesh.vertices - expected[name][-1]).mean() < SETTLED_M
 
 
 @pytest.mark.parametrize(("sample", "garment"), [("test9", NAMES[0]), ("test0", "Dress")])
