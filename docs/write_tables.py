@@ -1,11 +1,11 @@
 """Write the tables of the documentation from one finished experiment, and what a run of it takes.
 
-    .venv/bin/python docs/write_tables.py RESULTS
+    .venv/bin/python docs/write_tables.py RESULTS [--reference]
 
 Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and within lines
-between `<!-- figure: NAME -->` and `<!-- end -->`, in all pages, and the times of jobs by which
-a run says how long it will take. RESULTS is the folder of results within the checkout that made
-them.
+between `<!-- figure: NAME -->` and `<!-- end -->`: with `--reference` in the page of the reference
+experiment, without in all others, and with them the times of jobs by which a run says how long it
+will take. RESULTS is the folder of results within the checkout that made them.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import re
 import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +23,14 @@ import pandas as pd
 from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SPLITS, SampleRecord, clip_name, read_record, solver_name
 from drapeline.dataset.shards import samples_of
+from drapeline.metrics.cost import COST_FILE, read_costs
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.shared import TRAINING_ERROR
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENTS
 from drapeline.report.dataset.health import MEASURES
+from drapeline.report.models.systems import QUESTIONS, Question, answers, cost_rows
 from drapeline.report.registration_table import SUMMARY
 from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
 from drapeline.report.times import ALL as ALL_RULES
@@ -36,7 +38,8 @@ from drapeline.report.times import TIMES, job_times
 from drapeline.schema import read_table
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+REFERENCE = ROOT / "docs/reference/reference-experiment.md"
+PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").rglob("*.md")} - {REFERENCE})]
 USUAL = ROOT / "src/snakemake_logger_plugin_drapeline/seconds.json"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
@@ -138,7 +141,7 @@ class Results:
         folder: of the experiment.
         metrics: rows of its `metrics.tsv`, of the test split.
         records: its samples in motion by group, rejected ones too.
-        times: of its stages and rules.
+        systems: likewise, of the comparison of all systems; empty where there is none.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -148,7 +151,13 @@ class Results:
             group.name: list(map(read_record, samples_of(sorted(group.glob("[!.]*")))))
             for group in sorted((folder / "samples").glob("[!.]*"))
         }
-        self.times = read_table(folder / "report" / "times.tsv", TIMES)
+        systems = folder / "systems.tsv"
+        self.systems = read_test_metrics(systems) if systems.is_file() else self.metrics.iloc[:0]
+
+    @cached_property
+    def times(self) -> pd.DataFrame:
+        """Of its stages and rules."""
+        return read_table(self.folder / "report" / "times.tsv", TIMES)
 
     def accepted(self, *, published: bool) -> list[SampleRecord]:
         """Accepted samples of the groups that are published, or of the others."""
@@ -379,11 +388,26 @@ def _metrics(table: MetricTable, results: Results) -> str:
     return markdown(table.rows(results.metrics))
 
 
+def _systems(question: Question, results: Results) -> str:
+    part, table = answers(results.systems, question)
+    return markdown(table.rows(part))
+
+
+def systems_costs(results: Results) -> str:
+    """What each system takes for an answer."""
+    folders = sorted({path.parent for path in results.folder.glob(f"*/**/{COST_FILE}")})
+    return markdown(cost_rows(read_costs(folders)))
+
+
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
-        for table in (origin, times, costs, health, health_fast, learning_group, registration)
+        for table in (
+            *(origin, times, costs, health, health_fast, learning_group, registration),
+            systems_costs,
+        )
     },
+    **{f"systems_{question.model}": partial(_systems, question) for question in QUESTIONS},
     **{name: partial(_metrics, table) for name, table in METRIC_TABLES.items()},
 }
 
@@ -415,6 +439,8 @@ def write_tables(results: str | Path, pages: Iterable[Path] = PAGES) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("results", type=Path, help="folder of results")
-    folder = parser.parse_args().results
-    write_tables(folder)
-    USUAL.write_text(json.dumps(usual_times(Results(folder)), indent=1) + "\n")
+    parser.add_argument("--reference", action="store_true", help="of the reference experiment")
+    asked = parser.parse_args()
+    write_tables(asked.results, [REFERENCE] if asked.reference else PAGES)
+    if not asked.reference:
+        USUAL.write_text(json.dumps(usual_times(Results(asked.results)), indent=1) + "\n")

@@ -250,6 +250,7 @@ def test_what_follows_a_change_leaves_other_work_alone(planned):
     jobs = planned("drapeline.models.gcvae.ppca:StaticPpca")
     # Of a job that runs in any case since its input is new, Snakemake gives that reason alone.
     changed = {rule for rule, reason in jobs.items() if "Params have changed" in reason}
+    assert sorted(seeded) == 1
     assert changed
     assert all("Input files updated" in jobs[rule] for rule in jobs.keys() - changed)
     assert {"train/gcvae/static_ppca", "evaluate/gcvae/evaluated/static_ppca"} <= jobs.keys()
@@ -283,6 +284,16 @@ def test_another_bound_judges_anew_and_simulates_nothing_that_is_there(planned_w
     jobs = planned_with(simulation={"bounds": {"slip_m": 0.7}})
     assert "Params have changed" in jobs["write_samples"]
     assert jobs.keys().isdisjoint({"animate_bodies", "make_outfits", "simulate_outfits"})
+
+
+def test_models_are_trained_once_more_on_the_same_samples(planned_with):
+    jobs = planned_with(model_seed=2)
+    for model in ("gcvae", "garment4d", "smplicit"):
+        assert any(name.startswith(f"train/{model}/") for name in jobs)
+    assert not any(name.startswith("collect_data/") for name in jobs)
+    assert jobs.keys().isdisjoint(
+        {"animate_bodies", "make_outfits", "simulate_outfits", "write_samples", "sample_clouds"}
+    )
 
 
 def jobs_of_samples(project: Path, *configs: str) -> dict[str, int]:

@@ -54,7 +54,6 @@ METRIC_TABLES["metrics"] += [
     *METRIC_TABLES["representations"],
     *METRIC_TABLES.get("scans", []),
 ]
-METRIC_TABLES["packaged"] += METRIC_TABLES["metrics"]
 
 
 def table_evaluations(wildcards):

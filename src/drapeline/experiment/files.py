@@ -46,6 +46,12 @@ class ExperimentFiles:
         }
 
     @property
+    def model_seed(self) -> int:
+        """Seed of trainings and evaluations; samples and their clouds have that of the config."""
+        chosen = self.config["model_seed"]
+        return self.config["seed"] if chosen is None else chosen
+
+    @property
     def results(self) -> str:
         """Folder of all of them."""
         return self.config["results"]

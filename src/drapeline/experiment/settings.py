@@ -397,6 +397,14 @@ class Experiment(Settings):
         "results", min_length=1, description="Folder for everything this experiment makes."
     )
     seed: int = Field(1, ge=0, description="Seed of all random choices.")
+    model_seed: int | None = Field(
+        None,
+        ge=0,
+        description=(
+            "Seed of trainings and evaluations, to train once more on the same samples; by default "
+            "`seed`."
+        ),
+    )
     init: Literal["random", "package"] = Field(
         "random",
         description=(

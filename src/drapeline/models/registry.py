@@ -25,7 +25,7 @@ ENTRY_POINTS = "drapeline.models"
 _OURS = ("gcvae", "garment4d", "smplicit")
 # Tables of metrics that compare all models.
 REPRESENTATIONS, SCANS, SYSTEMS = "representations", "scans", "systems"
-# Table of those that come with drapeline: all of "metrics", and of models that are not there.
+# Table of the models that come with drapeline, and of what their cards compare them with.
 PACKAGED = "packaged"
 # Sizes at which codes are compared besides their own: SMPLicit's and CLOTH3D's, and one between.
 CODE_SIZES = 18, 64, 128

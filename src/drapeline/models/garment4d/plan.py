@@ -16,6 +16,7 @@ from drapeline.models.garment4d.settings import (
     posed_variants,
 )
 from drapeline.models.registry import (
+    PACKAGED,
     REPRESENTATIONS,
     SCAN_EVALUATIONS,
     SYSTEMS,
@@ -117,7 +118,7 @@ class _Garment4dTasks:
     def __init__(self, files: ExperimentFiles) -> None:
         self.files, self.own = files, Garment4dFiles(files)
         self.settings, self.folder = self.own.settings, self.own.folder
-        self.garments, self.seed = self.own.garments, files.config["seed"]
+        self.garments, self.seed = self.own.garments, files.model_seed
         self.variants = posed_variants(self.settings["posed"])
 
     def data(self) -> dict[str, Task]:
@@ -312,7 +313,7 @@ class _Garment4dTasks:
                     *("body_noise_rad", "point_noise_m", "views", "frame_rates"),
                 )
             }
-            found[garment] = (self._evaluate(garment, ["posed"], few), ("metrics",))
+            found[garment] = (self._evaluate(garment, ["posed"], few), ("metrics", PACKAGED))
             released = {"vertex_sampled": f"{self.folder}/{garment}/data_vertices"}
             found[f"{garment}_ablations"] = (
                 self._evaluate(garment, [*self.variants, _PULLED_MGN], {}, **released),

@@ -60,7 +60,7 @@ class _GcvaeTasks:
 
     def __init__(self, files: ExperimentFiles) -> None:
         self.files, self.settings = files, files.config["gcvae"]
-        self.folder, self.seed = f"{files.results}/gcvae", files.config["seed"]
+        self.folder, self.seed = f"{files.results}/gcvae", files.model_seed
         # The static model whose codes the dynamic ones are conditioned on.
         self.static = f"{self.folder}/{self.settings['dvae']['static_model']}"
         # The one that figures and samples are made with.
@@ -78,7 +78,7 @@ class _GcvaeTasks:
                     "outfits": self.files.outfits_at_rest,
                     "samples": self.files.per_shard(self.files.samples, self.files.moving),
                 },
-                {"settings": {**views, "seed": self.seed}},
+                {"settings": {**views, "seed": self.files.config["seed"]}},
                 seconds=60 * self.files.static_size * views["per_outfit"],
                 megabytes=1000 + 0.02 * views["size_px"] ** 2 * self.files.static_size,
                 checks=self._check_pictures,
@@ -271,7 +271,7 @@ class _GcvaeTasks:
         """Of trivial predictions and trained models, and the comparisons with other models."""
         always = ("metrics", _ABLATIONS)
         found: dict[str, tuple[Task, Sequence[str]]] = {
-            "baselines": (self._baselines(), always),
+            "baselines": (self._baselines(), (*always, PACKAGED)),
             "dynamic_baselines": (self._dynamic_baselines(), always),
         }
         for names, task in (

@@ -10,6 +10,7 @@ from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.models.pictures.plan import pictured_samples
 from drapeline.models.registry import (
     CODE_SIZES,
+    PACKAGED,
     REPRESENTATIONS,
     SCAN_EVALUATIONS,
     SYSTEMS,
@@ -57,7 +58,7 @@ class SmplicitFiles:
             "fit": self.settings[fit],
             "meshing": self.settings["meshing"],
             **self._files.hanging,
-            "seed": self._files.config["seed"],
+            "seed": self._files.model_seed,
         }
 
 
@@ -67,7 +68,7 @@ class _SmplicitTasks:
     def __init__(self, files: ExperimentFiles) -> None:
         self.files, self.own = files, SmplicitFiles(files)
         self.settings, self.folder = self.own.settings, self.own.folder
-        self.seed, self.gallery = files.config["seed"], self.settings["gallery"]
+        self.seed, self.gallery = files.model_seed, self.settings["gallery"]
         self.rays = {"rays": files.config["renders"]["rays"]}
 
     def data(self) -> dict[str, Task]:
@@ -158,7 +159,7 @@ class _SmplicitTasks:
         found: dict[str, tuple[Task, Sequence[str]]] = {
             folder: (
                 self._evaluate(name, folder),
-                ("metrics",) if size is None and name in self.own.names else (),
+                ("metrics", PACKAGED) if size is None and name in self.own.names else (),
             )
             for (name, size), folder in self._code_folders.items()
         }
@@ -265,7 +266,7 @@ class _SmplicitTasks:
         return Task(
             f"{_HERE}.scans.evaluate:move_garments_at_rest",
             {**self.files.bodies, **self.files.known_scans(CLEAN)},
-            {"split": EVALUATED_SPLITS[0], "seed": self.files.config["seed"]},
+            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
             seconds=600,
             megabytes=1500,
         )

@@ -20,6 +20,11 @@ _DISTANCES = "surface_to_true_mm", "true_to_surface_mm"
 _SURFACES = *_DISTANCES, "normal_error_deg", "openings_right"
 _PICTURED = ("rest_to_true_mm", "true_to_rest_mm")
 PICTURE = "picture"
+_OF_COSTS = (
+    "Of a core, for one garment at rest or one garment in one frame; what a sequence takes is"
+    " counted for the frame that is asked for, and registrations are not counted. Memory is the"
+    " most that the job had taken by then, whatever it was for."
+)
 
 
 class Question(NamedTuple):
@@ -79,7 +84,7 @@ def write_systems_page(path: str | Path, evaluated: Sequence[str | Path]) -> Non
     sections = [
         Section(question.title, table, question.about, by_source=True).html(part)
         for question in QUESTIONS
-        for part, table in [_table(measured, question)]
+        for part, table in [answers(measured, question)]
         if len(part)
     ]
     about = (
@@ -90,12 +95,21 @@ def write_systems_page(path: str | Path, evaluated: Sequence[str | Path]) -> Non
         " which all of them know. The best of each column is green."
     )
     write_page(
-        path, "All systems on the same samples", f"<p>{about}</p>", *sections, _costs(costs).html()
+        path,
+        "All systems on the same samples",
+        f"<p>{about}</p>",
+        *sections,
+        Section("Time and memory", cost_rows(costs), _OF_COSTS).html(),
     )
 
 
-def _table(measured: Table, question: Question) -> tuple[Table, MetricTable]:
-    """The rows of a question, and the table of them: what does not compete comes last."""
+def answers(measured: Table, question: Question) -> tuple[Table, MetricTable]:
+    """The rows of a question, and the table of them: what does not compete comes last.
+
+    Args:
+        measured: see `read_test_metrics`.
+        question: one of `QUESTIONS`.
+    """
     if question.model == PICTURE:
         part = measured[measured["metric"].isin(_PICTURED)]
         names = [*variants("picture"), *variants("smplicit"), *part["variant"]]
@@ -111,8 +125,9 @@ def _table(measured: Table, question: Question) -> tuple[Table, MetricTable]:
     return part[part["garment"] == COMMON].assign(garment=ALL), MetricTable(names, _SURFACES)
 
 
-def _costs(costs: Table) -> Section:
-    rows: Rows = [
+def cost_rows(costs: Table) -> Rows:
+    """Rows of cells of what systems take, see `read_costs`."""
+    return [
         {
             "Question": question.title,
             "Model": variant(row.model, row.variant).title,
@@ -124,10 +139,3 @@ def _costs(costs: Table) -> Section:
         for row in costs[costs["model"] == question.model].itertuples()
         if row.seconds > 0
     ]
-    return Section(
-        "Time and memory",
-        rows,
-        "Of a core, for one garment at rest or one garment in one frame; what a sequence takes is"
-        " counted for the frame that is asked for, and registrations are not counted. Memory is the"
-        " most that the job had taken by then, whatever it was for.",
-    )
