@@ -186,7 +186,8 @@ def origin(results: Results) -> str:
     metrics = results.metrics[results.metrics["source"] == ""]
     seeds = sorted(metrics["seed"].unique())
     held_out = metrics.loc[metrics["variant"] == "static_ppca", "n"].max()
-    moving = sorted(metrics.loc[metrics["variant"] == "posed", "n"].unique())
+    ours = metrics[(metrics["model"] == "garment4d") & (metrics["variant"] == "ours")]
+    moving = sorted(ours["n"].unique())
     clips = {
         clip_name(record.meta, record.meta["id"])
         for records in results.records.values()

@@ -8,13 +8,13 @@ import pytest
 from toys.snakemake_run import ROOT
 
 MAKE = runpy.run_path(str(ROOT / "docs" / "write_tables.py"))
-PAGES = {path.name: path.read_text() for path in MAKE["PAGES"]}
+PAGES = {path.name: path.read_text() for path in [*MAKE["PAGES"], MAKE["REFERENCE"]]}
 TEXT = "\n".join(PAGES.values())
 
 
 def test_every_table_has_a_place_that_is_filled():
     blocks = MAKE["BLOCK"].findall(TEXT)
-    assert sorted(name for _, name, _ in blocks) == sorted(MAKE["TABLES"])
+    assert {name for _, name, _ in blocks} == {*MAKE["TABLES"]}
     assert TEXT.count("<!-- table:") == TEXT.count("<!-- end of table -->") == len(blocks)
     for block in MAKE["BLOCK"].finditer(TEXT):
         assert len(block[0].splitlines()) > 3, f"{block[2]} is empty"
@@ -25,12 +25,15 @@ def test_every_figure_has_a_place():
     assert {name for _, name, _ in MAKE["FIGURE"].findall(TEXT)} == {*MAKE["FIGURES"]}
 
 
-def test_no_measured_number_of_the_results_is_typed_by_hand():
-    prose = MAKE["BLOCK"].sub("", PAGES["results.md"])
+@pytest.mark.parametrize("page", ["results.md", "reference-experiment.md"])
+def test_no_measured_number_of_the_results_is_typed_by_hand(page):
+    prose = MAKE["BLOCK"].sub("", PAGES[page])
     assert not re.findall(r"\d+\.\d+|\d+ (?:%|mm|s|ms|MB)\b", MAKE["FIGURE"].sub("", prose))
 
 
-@pytest.mark.parametrize("page", ["README.md", "install.md", "tutorial.md", "results.md"])
+@pytest.mark.parametrize(
+    "page", ["README.md", "install.md", "tutorial.md", "results.md", "reference-experiment.md"]
+)
 def test_no_time_or_disk_of_a_run_is_typed_by_hand(page):
     prose = MAKE["FIGURE"].sub("", MAKE["BLOCK"].sub("", PAGES[page]))
     assert not re.findall(r"\d+(?: to \d+)? (?:GB|jobs|minutes|hours)\b", prose)
