@@ -13,11 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
 from drapeline.geometry.least_squares import symmetric_factor
-from drapeline.geometry.mesh import boundary_edges, edge_lengths, edges, vertex_normals
+from drapeline.geometry.mesh import (
+    boundary_edges,
+    edge_graph,
+    edge_lengths,
+    edges,
+    vertex_normals,
+)
 from drapeline.geometry.smoothing import averaging_matrix, blur, uniform_laplacian
 
 _PLANE_M = 0.01  # a tangent plane stands for the surface this far around its vertex
@@ -89,7 +95,7 @@ def fit_to_surface(
 
     Args:
         vertices: (V, 3) metres, in rigid alignment with the surface.
-        triangles: (F, 3) of one connected garment.
+        triangles: (F, 3), connected but for scraps.
         surface: the body.
     """
     rest = np.asarray(vertices, dtype=np.float64)
@@ -113,9 +119,12 @@ def fit_to_surface(
     places = nodes.lay(rest, surface, outward)
     # Uniform Laplacian: where cloth is spread over a wide body, it is spread evenly.
     laplacian = uniform_laplacian(triangles, count)
+    _, piece = connected_components(edge_graph(pairs, count), directed=False)
     for _ in range(settings.fine_rounds):
         goal, inside = surface.closest(places, outward(places))
-        system = sp.diags(inside.astype(float)) + settings.fine_stiffness * laplacian
+        # A scrap of which nothing has a partner stays where it is.
+        alone = np.bincount(piece, inside)[piece] == 0
+        system = sp.diags((inside | alone).astype(float)) + settings.fine_stiffness * laplacian
         move = inside[:, None] * (goal - places)
         places = places + symmetric_factor(system).solve(move)
     return places

@@ -77,6 +77,16 @@ def test_what_lies_on_the_body_already_stays(body):
     assert np.abs(laid - garment).max() < 0.002
 
 
+def test_a_scrap_beyond_the_body_s_open_end_stays_beside_the_garment(body):
+    garment, triangles = cylinder(0.15, -0.3, 0.48, rows=25)
+    scrap = np.array([[0.15, 0, 0.52], [0.15, 0.01, 0.52], [0.15, 0, 0.53]])
+    both = np.concatenate([garment, scrap])
+    corners = np.concatenate([triangles, [np.arange(len(garment), len(both))]])
+    settings = replace(SETTINGS, nodes=8)  # none of them on the scrap
+    laid = fit_to_surface(both, corners, TargetSurface(*body, SETTINGS.turn_m), settings)
+    assert np.abs(laid - both).max() < 0.02
+
+
 def test_it_is_deterministic_and_moves_with_the_garment(body):
     garment, triangles = cylinder(0.2, -0.3, 0.3, rows=25)
     first = fit_to_surface(garment, triangles, TargetSurface(*body, SETTINGS.turn_m), SETTINGS)
