@@ -43,7 +43,7 @@ PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").rglob("*.md")} - {REFEREN
 USUAL = ROOT / "src/snakemake_logger_plugin_drapeline/seconds.json"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 FIGURE = re.compile(r"(<!-- figure: (\w+) -->).*?(<!-- end -->)")
-STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
+STATIC = ("static_ppca", "static_ppca_64", "svae", "pca", "mean_garment", "nearest_cvar")
 FLOOR = ("again_rest_shape", "again_other_solver")
 RECONSTRUCTED = ("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4", "wrinkle_pca", *FLOOR)
 PREDICTED = (
@@ -185,7 +185,7 @@ def origin(results: Results) -> str:
     ).stdout.strip()  # fmt: skip
     metrics = results.metrics[results.metrics["source"] == ""]
     seeds = sorted(metrics["seed"].unique())
-    held_out = metrics.loc[metrics["variant"] == "static_ppca", "n"].max()
+    held_out = metrics.loc[metrics["variant"].isin(STATIC), "n"].max()
     ours = metrics[(metrics["model"] == "garment4d") & (metrics["variant"] == "ours")]
     moving = sorted(ours["n"].unique())
     clips = {
@@ -367,6 +367,7 @@ FIGURES: dict[str, Callable[[Results], str]] = {
     "run": _minutes,
     "first": lambda results: _minutes(results, "write_overview"),
     "jobs": lambda results: f"{results.times['jobs'].iloc[-1]}",
+    "core_hours": lambda results: f"{_jobs(results)['cpu_s'].sum() / 3600:.1f} core-hours",
     "memory": lambda results: _gigabytes(1e6 * results.times["peak_memory_mb"].max()),
     "disk": lambda results: _gigabytes(_bytes(results.folder)),
     "environment": lambda _: _gigabytes(_bytes((ROOT / ".venv").resolve())),
@@ -396,8 +397,9 @@ def _systems(question: Question, results: Results) -> str:
 
 def systems_costs(results: Results) -> str:
     """What each system takes for an answer."""
-    folders = sorted({path.parent for path in results.folder.glob(f"*/**/{COST_FILE}")})
-    return markdown(cost_rows(read_costs(folders)))
+    found = read_costs(sorted(path.parent for path in results.folder.glob(f"*/**/{COST_FILE}")))
+    shown = results.systems[["model", "variant"]].drop_duplicates()
+    return markdown(cost_rows(found.merge(shown)))
 
 
 TABLES: dict[str, Callable[[Results], str]] = {

@@ -426,8 +426,8 @@ def load_npz(
         sizes: of axes that are known.
 
     Returns:
-        The arrays in the file's order, those in half precision as single. To ask for one that is
-        not there is an InputError.
+        The arrays in the file's order, half-precision ones converted to single precision. To ask
+        for one that is not there is an InputError.
 
     Raises:
         InputError: the file is missing, unreadable, lacks an array, or one is not as declared, too

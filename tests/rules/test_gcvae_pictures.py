@@ -68,6 +68,7 @@ def evaluated(files, toy_body, run_rule):
             "pictures": 2,
             "others": ["00002"],
             "size_px": 64,
+            "picture_seed": 0,
             "seed": 0,
         },
     )

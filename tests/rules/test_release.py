@@ -44,6 +44,7 @@ def test_models_are_packed_with_the_commit_of_this_copy(run_rule, tmp_path):
         "clips": {split: [] for split in splits},
         "learned": [],
         "config": "mine.yaml",
+        "body_files": [],
     }
     run_rule(
         "pack_models",

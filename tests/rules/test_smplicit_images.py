@@ -110,6 +110,7 @@ def evaluate(run_rule, skirt, folder, samples, others):
             "pictures": 2,
             "others": others,
             "size_px": 48,
+            "picture_seed": 0,
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,

@@ -11,6 +11,7 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.cost import read_costs
 from drapeline.metrics.predictions import BODY, TRUE, load_fitted_scans
+from drapeline.metrics.properties import COMMON
 from drapeline.metrics.table import read_metrics
 from drapeline.storage import save_npz
 from toys.tiny_sample import write_tiny_sample
@@ -72,6 +73,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(
         output=[tmp_path / "scans"],
         params={
             "kind": kind,
+            "garments": ["Skirt"],
             "split": "test",
             "body": BODY_FIT,
             "fit": FIT | {"hang_frames": frames},
@@ -82,6 +84,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(
     )
     rows = read_metrics(tmp_path / "scans/metrics.tsv")
     assert set(rows["model"]) == {model}
+    assert COMMON in set(rows["garment"])
     costs = read_costs([tmp_path / "scans"])
     assert set(costs["model"]) == {model}
     assert set(costs["variant"]) == {name for name in rows["variant"] if "body" not in name}

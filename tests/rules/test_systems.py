@@ -8,7 +8,9 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.cost import read_costs
 from drapeline.metrics.predictions import FITTED, load_fitted_scans
-from drapeline.metrics.table import METRICS_FILE, read_metrics
+from drapeline.metrics.properties import COMMON
+from drapeline.metrics.table import ALL, METRICS_FILE, read_metrics
+from toys.metric_rows import find_value
 from toys.protocol import TOLD, save_cases
 
 MOVERS = {
@@ -34,6 +36,7 @@ def moved(run_rule, given, tmp_path_factory):
             params={
                 "skinning": {"neighbours": 16, "passes": 5},
                 "body_points": 30,
+                "garments": ["Skirt"],
                 "split": "test",
                 "seed": 3,
             },
@@ -53,6 +56,12 @@ def test_true_garments_at_rest_are_moved_into_every_scanned_frame(moved):
         rows = read_metrics(folder / METRICS_FILE)
         assert {*rows["model"]} == {"moved"}
         assert {*rows["variant"]} == MOVERS[module] == {*read_costs([folder])["variant"]}
+        for name in MOVERS[module]:
+            every, common = (
+                find_value(rows, name, "test", garment, "surface_to_true_mm").n
+                for garment in (ALL, COMMON)
+            )
+            assert every == 2 * common  # of skirts and t-shirts, all models know skirts
         for found in load_fitted_scans(folder / FITTED).values():
             assert {name: {*worn} for name, worn in found.items()} == {
                 name: {"Skirt", "Tshirt"} for name in MOVERS[module]

@@ -24,6 +24,7 @@ TOLD = {
     "pictures": 2,
     "others": ["00002"],
     "size_px": 48,
+    "picture_seed": 4,
 }
 
 

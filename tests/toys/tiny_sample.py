@@ -17,6 +17,7 @@ from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 
 GARMENTS = ("Tshirt", "Skirt")
+TIGHTNESS = (-1.0, 0.25)  # as drawn, without the sign that the gender gives it
 
 
 class TinySample(NamedTuple):
@@ -139,7 +140,7 @@ def write_stages(
         )
         for (name, mesh), fabric in zip(meshes.items(), ("jersey", "denim"), strict=True)
     )
-    tightness = np.array([-1.0, 0.25])
+    tightness = np.array(TIGHTNESS)
     outfit = Outfit(garments, shape, tightness, tightness, gender)
     outfit.save(stages / "outfits" / f"{sample}.npz", stages / "outfits" / f"{sample}.json")
     simulation = stages / "simulation" / sample

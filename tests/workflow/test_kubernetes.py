@@ -34,6 +34,9 @@ if words[0] == "create":
         answer["status"] = {{"failed" if done.returncode else "succeeded": 1}}
         (folder / "answer").write_text(json.dumps(answer))
     print("job.batch/drapeline-x")
+elif words[0] == "get" and answer["gone"]:
+    if "--ignore-not-found" not in words:
+        sys.exit('Error from server (NotFound): jobs.batch "drapeline-x" not found')
 elif words[0] == "get":
     print(json.dumps({{"status": answer["status"]}} if answer["status"] is not None else {{}}))
 """
@@ -48,9 +51,9 @@ class Cluster:
         (folder / "kubectl").chmod(0o755)
         self.answer()
 
-    def answer(self, status=None, *, runs=False, fails=False):
-        """What it is to say of jobs from now on, and whether it runs them."""
-        said = {"status": status, "runs": runs, "fails": fails}
+    def answer(self, status=None, *, runs=False, fails=False, gone=False):
+        """What it is to say of jobs from now on, and whether it runs and still knows them."""
+        said = {"status": status, "runs": runs, "fails": fails, "gone": gone}
         (self.folder / "answer").write_text(json.dumps(said))
 
     @property
@@ -77,9 +80,9 @@ def call(tmp_path, *words):
     return subprocess.run(run, cwd=tmp_path, capture_output=True, text=True)
 
 
-def submit(tmp_path, rule="train", gpus=0):
+def submit(tmp_path, rule="train", gpus=0, minutes=90):
     about = {"image": "here/drapeline:1", "claim": "data", "folder": "/shared", "name": rule}
-    about |= {"cores": 3, "mb": 5000, "gpus": gpus}
+    about |= {"cores": 3, "mb": 5000, "gpus": gpus, "minutes": minutes}
     words = [word for key, value in about.items() for word in (f"--{key}", value)]
     return call(tmp_path, "submit", *words, tmp_path / "job.sh")
 
@@ -93,6 +96,7 @@ def test_a_job_gets_what_its_rule_asks_for(tmp_path, cluster):
     spec = cluster.created["spec"]
     assert spec["backoffLimit"] == 0  # Snakemake tries again by itself
     pod = spec["template"]["spec"]
+    assert pod["activeDeadlineSeconds"] == 90 * 60
     assert pod["restartPolicy"] == "Never"
     (container,) = pod["containers"]
     assert container["image"] == "here/drapeline:1"
@@ -138,6 +142,13 @@ def test_states_are_those_that_snakemake_knows(tmp_path, cluster, status, word):
     assert words[:2] == ["get", "job.batch/drapeline-x"]
 
 
+def test_a_job_that_somebody_has_deleted_has_failed(tmp_path, cluster):
+    cluster.answer(gone=True)
+    run = call(tmp_path, "status", "job.batch/drapeline-x")
+    assert (run.returncode, run.stdout, run.stderr) == (0, "failed\n", "")
+    assert len(cluster.calls) == 1
+
+
 def test_cancelling_deletes_all_jobs(cluster):
     """As Snakemake does it, which takes no words besides the command's name."""
     jobs = ["job.batch/drapeline-x", "job.batch/drapeline-y"]
@@ -171,7 +182,7 @@ RULE = """
 rule make_it:
     output: "made.txt"
     threads: 2
-    resources: mem_mb=300, gpu=1
+    resources: mem_mb=300, gpu=1, runtime=7
     shell: "{command} > {{output}}"
 """
 
@@ -185,6 +196,8 @@ def test_snakemake_submits_jobs_and_hears_how_they_end(tmp_path, cluster, comman
     run = snakemake(tmp_path, *words.split())
     assert (run.returncode == 0) is (tmp_path / "made.txt").is_file() is fine, run.stderr
     assert cluster.created["metadata"]["generateName"].startswith("drapeline-make-it-")
+    pod = cluster.created["spec"]["template"]["spec"]
+    assert pod["activeDeadlineSeconds"] == 7 * 60
     (container,) = cluster.created["spec"]["template"]["spec"]["containers"]
     asked = {"cpu": "2", "memory": "300Mi", "nvidia.com/gpu": "1"}
     assert container["resources"]["limits"] == asked

@@ -250,7 +250,6 @@ def test_what_follows_a_change_leaves_other_work_alone(planned):
     jobs = planned("drapeline.models.gcvae.ppca:StaticPpca")
     # Of a job that runs in any case since its input is new, Snakemake gives that reason alone.
     changed = {rule for rule, reason in jobs.items() if "Params have changed" in reason}
-    assert sorted(seeded) == 1
     assert changed
     assert all("Input files updated" in jobs[rule] for rule in jobs.keys() - changed)
     assert {"train/gcvae/static_ppca", "evaluate/gcvae/evaluated/static_ppca"} <= jobs.keys()

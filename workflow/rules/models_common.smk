@@ -226,11 +226,7 @@ PROTOCOL_INPUT = {
     ),
     **{f"{kind}_scans": FILES.known_scans(kind)["scans"] for kind in (CLEAN, WORSE)},
 }
-PROTOCOL_TOLD = {
-    **PICTURED,
-    "garments": FILES.compared_garments,
-    "seed": config["seed"],
-}
+PROTOCOL_TOLD = {**PICTURED, **FILES.compared}
 
 
 def scored(wildcards):
@@ -249,6 +245,7 @@ PACKAGES = {
 PACKAGED_FROM = {
     "config": " + ".join(map(os.path.basename, workflow.configfiles)) or "config.yaml",
     "seed": config["seed"],
+    "body_files": sorted(config["body"]["files"].values()),
     "learned": sorted(
         plan.sample
         for plan in (*FILES.moving_plans.values(), *FILES.resting_plans.values())

@@ -4,7 +4,7 @@ from drapeline.settings import Field, Settings
 
 
 class BodyFit(Settings):
-    """Fit of a body to a scan (SMPLicit 4.2)."""
+    """Fit of a body to a scan of a single frame (SMPLicit 4.2)."""
 
     joint_steps: int = Field(
         5, ge=0, le=1000, description="Steps of least squares for joints and priors alone."

@@ -183,10 +183,15 @@ def _drawn(args: argparse.Namespace, types: Sequence[str], folder: Path) -> dict
     """Garments that a model draws for the rest body, by type.
 
     Raises:
-        InputError: there is no such model, or it knows no garment of a type.
+        InputError: there is no such model, it is of another kind, or knows no garment of a type.
         ModuleNotFoundError: drapeline[torch] is not installed.
     """
     model = drapeline.load(args.model)
+    if not isinstance(model, drapeline.StaticModel):
+        raise InputError(
+            f"{args.model}: a {type(model).__name__}, expected a model that draws garments at rest,"
+            " such as gcvae"
+        )
     found = {}
     for name in types:
         (drawn,) = model.sample(

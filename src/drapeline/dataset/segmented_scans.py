@@ -151,7 +151,7 @@ def scan_sample(
                 garments,
                 sample.gender,
                 BodyState.of(pose + turned, moved, estimated),
-                joints,
+                joints if window is None else None,  # which models of sequences have no use for
                 window,
             )
         )

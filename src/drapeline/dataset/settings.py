@@ -47,10 +47,10 @@ class ScanSettings(Settings):
     window: int = Field(
         1,
         ge=1,
-        le=300,
+        le=299,
         description=(
-            "Frames that are scanned together, as many before the one to be measured as after it; "
-            "models of single frames see that one alone."
+            "Frames that are scanned together, as many before the one to be measured as after it, "
+            "so that an even number is one more; models of single frames see that one alone."
         ),
     )
     points: int = Field(20_000, ge=100, le=10_000_000, description="Points of a scan.")

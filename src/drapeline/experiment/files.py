@@ -10,7 +10,7 @@ from drapeline.experiment.groups import PlannedGroup
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.motions.table import MotionEntry
-from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
+from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS, part_of_body
 
 # Only what evaluates reads these splits, nothing that trains.
 EVALUATED_SPLITS = ("test",)
@@ -167,7 +167,8 @@ class ExperimentFiles:
         def is_seen(plan: SamplePlan) -> bool:
             return not any(GARMENT_TYPES[name].outer for name in plan.outfit_type.split("+"))
 
-        return self.first_of_split(self.config["scans"]["count"], EVALUATED_SPLITS[0], is_seen)
+        count = self.config["scans"]["count"]
+        return self.first_of_split(count, EVALUATED_SPLITS[0], is_seen, self.shared)
 
     def per_shard(self, pattern: str, groups: Iterable[PlannedGroup]) -> list[str]:
         """What a pattern stands for in all shards of groups."""
@@ -181,8 +182,18 @@ class ExperimentFiles:
         """What a pattern stands for in the shards that have these samples."""
         return list(dict.fromkeys(pattern.format(**self.places[sample]) for sample in samples))
 
+    @cached_property
+    def shared(self) -> list[PlannedGroup]:
+        """Groups of simulated samples that every model has, about which all are asked."""
+        settings = self.config["groups"]
+        return [group for group in self.moving if settings[group.name]["learned_by"] is None]
+
     def first_of_split(
-        self, count: int, split: str, wanted: Callable[[SamplePlan], bool] | None = None
+        self,
+        count: int,
+        split: str,
+        wanted: Callable[[SamplePlan], bool] | None = None,
+        groups: Sequence[PlannedGroup] | None = None,
     ) -> list[str]:
         """The first samples of a split in each group, in turn over its clips like all of them.
 
@@ -190,9 +201,10 @@ class ExperimentFiles:
             count: of each group, at most.
             split: "train", "val" or "test".
             wanted: whether a plan will do; None takes all.
+            groups: of simulated samples; None takes all.
         """
         found = []
-        for group in self.moving:
+        for group in self.moving if groups is None else groups:
             own = filter(wanted, [plan for plan in group.plans if plan.split == split])
             found += [plan.sample for plan in own][:count]
         return found
@@ -200,7 +212,17 @@ class ExperimentFiles:
     @property
     def compared_garments(self) -> list[str]:
         """Garment types that every model learns, on which they are compared."""
-        return self.config["garment4d"]["garments"]
+        garments, models = self.config["garment4d"]["garments"], self.config["smplicit"]["models"]
+        return [name for name in garments if part_of_body(name) in models] or garments
+
+    @property
+    def compared(self) -> dict[str, Any]:
+        """What comparisons of all models are told."""
+        return {
+            "garments": self.compared_garments,
+            "split": EVALUATED_SPLITS[0],
+            "seed": self.model_seed,
+        }
 
     @property
     def outfits_at_rest(self) -> list[str]:

@@ -5,7 +5,7 @@ The scans are compared as in SMPLicit 4.2 and table 2.
 
 import resource
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -40,7 +40,6 @@ from drapeline.models.contract import (
     Stopwatch,
 )
 from drapeline.outfits.garment_types import (
-    GARMENT4D_TYPES,
     GARMENT_TYPES,
     GARMENTS,
     layered,
@@ -165,7 +164,9 @@ def known_scans(
     for path in scans:
         for name, taken in groupby(load_scans(path), lambda pair: pair[0].name.rpartition("_")[0]):
             if name not in folders:
-                raise DamagedFile(path, f"has a scan of '{name}', expected one of {len(folders)}")
+                raise DamagedFile(
+                    path, f"has a scan of '{name}', expected one of the {len(folders)} samples"
+                )
             with Sample(folders[name]) as sample:
                 known += _known(list(taken), sample, bodies[sample.gender])
     return known
@@ -192,17 +193,20 @@ def _known(
         trans = np.asarray(sample.info.trans[: frame + 1], dtype=np.float64)
         vertices, _ = posed_vertices(body, shape, poses[-1:])
         worn = {name: rest[name] for name in layered(rest)}
-        person = MovingPerson(sample.id, sample.gender, shape, poses, trans, worn)
+        person = MovingPerson(
+            sample.id, sample.gender, shape, poses, trans, worn, sample.info.tightness
+        )
         known.append(KnownScan(scan, person, fitted, clip, source, true, classes, vertices[0]))
     return known
 
 
-def compare_scan_fits(
+def compare_frames(
     scans: Sequence[KnownScan],
     answer: Callable[[KnownScan], Fits],
     watch: Stopwatch,
     *,
     model: str,
+    garments: Collection[str],
     split: str,
     seed: int,
 ) -> tuple[Table, dict[str, Fits], list[Cost]]:
@@ -215,6 +219,7 @@ def compare_scan_fits(
         answer: the garments in a frame, in each way.
         watch: counts what they take.
         model: named in the rows, as are `split`, of the samples, and `seed`.
+        garments: types that all models know.
 
     Returns:
         Rows, scan's name -> fits, and what these took.
@@ -226,13 +231,13 @@ def compare_scan_fits(
     for known in progress(scans, total=len(scans), label="scans"):
         watch.reset()
         fits = shown[known.scan.name] = answer(known)
-        for variant, garments in fits.items():
+        for variant, worn in fits.items():
             seconds[variant] += watch.seconds[variant]
-            for name, mesh in garments.items():
+            for name, mesh in worn.items():
                 row = mesh_measures(mesh, known.true[name])
                 fit = Measured(known.clip, known.classes[name], row, known.source)
                 measured.setdefault(variant, []).append(fit)
-                if name in GARMENT4D_TYPES:
+                if name in garments:
                     common.setdefault(variant, []).append(fit._replace(garment=COMMON))
     summary = partial(summarise, model=model, split=split, seed=seed)
     tables = []
@@ -269,7 +274,7 @@ def fit_scans(job: Job, fitter: ScanFitter, bodies: Mapping[str, BodyModel]) -> 
 
     Args:
         job: its input has `scans`, and `samples` that they were taken of; its params `kind` of the
-            scans, `split` and `seed`.
+            scans, `garments` that all models know, `split` and `seed`.
         bodies: by gender.
     """
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
@@ -282,7 +287,7 @@ def move_garments(job: Job, mover: Mover, bodies: Mapping[str, BodyModel]) -> No
 
     Args:
         job: its input has exact `scans`, whose frames are predicted, and `samples` that they were
-            taken of; its params `split` and `seed`.
+            taken of; its params `garments` that all models know, `split` and `seed`.
         bodies: by gender.
     """
     scans = known_scans(job.input.scans, samples_of(job.input.samples), bodies)
@@ -296,15 +301,15 @@ def answer_frames(
     watch: Stopwatch,
     model: str,
 ) -> None:
-    """Leave an evaluation of garments in frames, see `compare_scan_fits` for the arguments."""
-    about = {"model": model, "split": job.params.split, "seed": job.params.seed}
-    write_frames(job.output[0], *compare_scan_fits(scans, answer, watch, **about))
+    """Leave an evaluation of garments in frames, see `compare_frames` for the arguments."""
+    about = {key: getattr(job.params, key) for key in ("garments", "split", "seed")}
+    write_frames(job.output[0], *compare_frames(scans, answer, watch, model=model, **about))
 
 
 def write_frames(
     folder: str | Path, rows: Table, found: Mapping[str, Fits], costs: Sequence[Cost]
 ) -> None:
-    """Leave what `compare_scan_fits` gave."""
+    """Leave what `compare_frames` gave."""
 
     def complete(made: Path) -> None:
         save_fitted_scans(made / FITTED, found)

@@ -79,6 +79,7 @@ class MovingPerson(NamedTuple):
     poses: np.ndarray  # (F, 72) rad, the frame's own last
     trans: np.ndarray  # (F, 3) of the root joint, metres above the floor
     rest: Mapping[str, Mesh]  # garment -> triangles at rest, from the innermost to the outermost
+    tightness: np.ndarray | None = None  # (2,) of the outfit as CLOTH3D draws it, where it is known
 
 
 class Mover(Protocol):

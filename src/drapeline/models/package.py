@@ -124,8 +124,16 @@ def pack_models(job: Job) -> None:
 
     Args:
         job: its input has the table of `metrics`; its params have `models`, name -> fields of a
-            `Package`, and `about`, see `card`.
+            `Package`, and `about`, see `card`, with the `body_files` of the experiment.
+
+    Raises:
+        InputError: there are some of these, or see `pack_model`.
     """
+    if own := job.params.about["body_files"]:
+        raise InputError(
+            f"body.files names {', '.join(own)}, whose licence need not let you pass on models of"
+            " it; expected the bodies that come with drapeline"
+        )
     metrics = read_test_metrics(job.input.metrics)
     with atomic_folder(job.output[0]) as scratch:
         write_json(

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drapeline.bodies.model import load_bodies
+from drapeline.bodies.rest_body import signed_tightness
 from drapeline.dataset.settings import CLEAN, WORSE
 from drapeline.dataset.shards import samples_of
 from drapeline.errors import DamagedFile, InputError
@@ -30,8 +31,8 @@ from drapeline.metrics.table import join, summarise, write_evaluation
 from drapeline.models.compare import (
     SCANNED,
     KnownScan,
+    compare_frames,
     compare_representations,
-    compare_scan_fits,
     held_out_garments,
     known_scans,
 )
@@ -45,11 +46,12 @@ from drapeline.storage import atomic_folder, save_npz
 
 # Questions, named as the folders of their cases are.
 REST, MOTION, POINTS, WORSE_POINTS, PICTURE = "rest", "motion", "points", "worse_points", "picture"
+_QUESTIONS = REST, MOTION, POINTS, WORSE_POINTS, PICTURE
 _SCANS = {POINTS: CLEAN, WORSE_POINTS: WORSE}
 CASES = Schema(
     "a table of cases",
     {
-        "question": Column(allowed=(REST, MOTION, POINTS, WORSE_POINTS, PICTURE)),
+        "question": Column(allowed=_QUESTIONS),
         "case": Column(),
         "garment": Column(allowed=GARMENTS),
     },
@@ -61,8 +63,8 @@ _ABOUT = """\
 `cases.tsv` has a row for each garment that is asked for. A method answers with a folder of meshes,
 `{question}/{case}/{garment}.obj`, triangles or quads of any topology, in metres, Z up, and
 `snakemake score --config predictions=FOLDER` measures it. It may leave out questions, and garment
-types; of what it answers it has to answer all. Each question is to be answered from its own folder
-alone, and from what was learned of the dataset's training split.
+types; but where it answers a question for a garment type, it has to answer every case of it. Each
+question is to be answered from its own folder alone, and from what was learned of the training split.
 
 | question | what a method is given | what it answers |
 |---|---|---|
@@ -74,7 +76,9 @@ alone, and from what was learned of the dataset's training split.
 
 Garments at rest are worn in the pose `rest_pose` of `bodies/rest_pose.npz`, their root joint at the origin.
 Bodies are SMPL-format files, `bodies/{gender}.npz`; `poses` (T, 72) are axis-angles, `trans` (T, 3)
-the root joint, `shape` (10,) coefficients. `points` (T, P, 3) have `labels` (T, P), indices into
+the root joint, `shape` (10,) coefficients, and `tightness` (2,) is what was added to the first two of them when
+the garments were made: they fit this body. A picture's body has one `pose` (72,), its root joint, `trans` (3,), in the
+camera's world. `points` (T, P, 3) have `labels` (T, P), indices into
 `label_names`; so have a picture's `pixels` (H, W), with `intrinsics` (3, 3) and `world_to_camera` (4, 4).
 """  # noqa: E501
 
@@ -117,14 +121,16 @@ def write_protocol(job: Job) -> None:
         for one in cases.rest:
             folder = _add(rows, scratch, REST, one.outfit, one.garment)
             save_obj(folder / f"{one.garment}.obj", one.mesh)
-            wearer = {"gender": data.gender[one.row], "shape": data.shape[one.row]}
-            save_npz(folder / "wearer.npz", **wearer)
+            wearer = {key: getattr(data, key)[one.row] for key in ("gender", "shape")}
+            save_npz(folder / "wearer.npz", **wearer, tightness=data.tightness[one.row])
         for known in cases.scans[POINTS]:
             person = known.person
             for name, mesh in person.rest.items():
                 folder = _add(rows, scratch, MOTION, known.scan.name, name)
                 save_obj(folder / f"{name}.obj", mesh)
             about = {key: getattr(person, key) for key in ("gender", "shape", "poses", "trans")}
+            if person.tightness is not None:
+                about["tightness"] = signed_tightness(person.tightness, person.gender)
             save_npz(folder / "wearer.npz", **about)
         for question, scans in cases.scans.items():
             for known in scans:
@@ -273,6 +279,12 @@ def score(job: Job) -> None:
         raise InputError(
             f"{folder}: '{folder.name}' is the name of a method of ours, expected another one"
         )
+    for path in sorted(folder.rglob("*")):
+        place = path.relative_to(folder).parts
+        if path.is_file() and (
+            place[0] not in _QUESTIONS or len(place) != 3 or path.suffix != ".obj"
+        ):
+            raise DamagedFile(path, "is no answer, expected {question}/{case}/{garment}.obj")
     tables: list[Table] = []
     answers = Predictions(folder, REST, _by_case((one.outfit, one.garment) for one in cases.rest))
     if answers:
@@ -286,8 +298,13 @@ def score(job: Job) -> None:
         asked = {known.scan.name: list(known.person.rest) for known in scans}
         answers = Predictions(folder, question, asked)
         if answers:
-            rows, _, _ = compare_scan_fits(
-                scans, partial(_answer, folder.name, answers), Stopwatch(), model=model, **about
+            rows, _, _ = compare_frames(
+                scans,
+                partial(_answer, folder.name, answers),
+                Stopwatch(),
+                model=model,
+                garments=params.garments,
+                **about,
             )
             tables.append(rows)
     pictures = {one.picture.name: [*_seen(one).values()] for one in cases.pictures}

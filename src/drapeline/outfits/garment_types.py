@@ -73,7 +73,7 @@ EVEN_OUTFIT_TYPES = (
     *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
     *("Tshirt+Skirt", "Dress", "Top+Trousers", "Jumpsuit"),
 )
-# Types that Garment4D's paper has; all models are compared on them.
+# Types that Garment4D's paper has.
 GARMENT4D_TYPES = ("Skirt", "Tshirt", "Trousers")
 # The order in which tables have types.
 TABLE_TYPES = tuple(dict.fromkeys((*GARMENT4D_TYPES, *GARMENTS)))
@@ -130,3 +130,9 @@ def outfit_types_by_gender(
             " true"
         )
     return {"female": list(outfit_types), "male": for_males}
+
+
+def part_of_body(garment: str) -> str:
+    """What a garment type covers: "upper", "trousers", "skirt" or "whole"."""
+    parts = GARMENT_TYPES[garment].parts
+    return parts[0] if len(parts) == 1 else GARMENT_TYPES[garment].region

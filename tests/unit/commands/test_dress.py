@@ -75,6 +75,7 @@ def drawing(monkeypatch):
     mesh = load_obj(DRESS)
     model = Drawing(Mesh(mesh.vertices, mesh.triangles))
     monkeypatch.setitem(vars(library), "load", model.load)
+    monkeypatch.setitem(vars(library), "StaticModel", Drawing)
     return model
 
 
@@ -122,6 +123,18 @@ def test_a_model_that_there_is_not_is_one_sentence(tmp_path, drapeline):
     _, status = drapeline("dress", JUMP, *FAST, *words)
     assert re.match("drapeline: .*none: no such folder, expected that of a train", str(status))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_that_draws_no_garments_is_one_sentence(tmp_path, drapeline, toy_body):
+    pytest.importorskip("torch")
+    from toys.gallery import save_toy_model, training_codes
+
+    save_toy_model(tmp_path / "skirt", toy_body, training_codes())
+    words = ("--model", tmp_path / "skirt", "-o", tmp_path / "a.glb")
+    _, status = drapeline("dress", JUMP, *FAST, *words)
+    sentence = "skirt: a SmplicitModel, expected a model that draws garments at rest, such as gcv"
+    assert re.match(f"drapeline: .*{sentence}", str(status)), status
+    assert {path.name for path in tmp_path.iterdir()} == {"skirt"}
 
 
 def test_models_without_torch_are_refused_with_what_brings_it(tmp_path):

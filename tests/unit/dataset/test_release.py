@@ -85,6 +85,8 @@ def test_the_card_is_that_of_the_dataset_under_a_free_licence(dataset, released)
     assert header["configs"] == [{"config_name": "samples", "data_files": "samples.parquet"}]
     assert "license: other" not in card
     assert "keep their licences: a dataset made with a licensed SMPL" not in card
+    licence = card.partition("## Licence")[2]
+    assert "only as far as these allow. Clips used: " in licence
     assert "Attribution 4.0" in (released / "LICENSE").read_text()
     found, made = (
         text.partition("## Contents")[2].partition("## Licence")[0]

@@ -150,7 +150,8 @@ def test_single_frames_are_the_same_with_a_window_and_without(sample, toy_body, 
         assert one.window is None
         np.testing.assert_array_equal(one.points, other.points)
         np.testing.assert_array_equal(one.estimate.rotations, other.estimate.rotations)
-        np.testing.assert_array_equal(one.joints, other.joints)
+        assert one.joints.shape == (24, 3)
+        assert other.joints is None  # which nobody is given who sees a motion
 
 
 def test_a_root_joint_elsewhere_leaves_the_points_of_a_window_where_they_are(windows):
@@ -167,6 +168,7 @@ def test_files_keep_windows(windows, tmp_path):
     scans = [*windows, alone]
     save_scans(tmp_path / "scans.npz", scans, [scan.estimate for scan in scans])
     for (scan, _), known in zip(load_scans(tmp_path / "scans.npz"), scans, strict=True):
+        assert scan.joints is None
         if known.window is None:
             assert scan.window is None
             continue

@@ -20,16 +20,21 @@ from drapeline.models import contract
 from drapeline.models.compare import (
     MOVED,
     SCAN,
+    answer_frames,
     body_rows,
-    compare_scan_fits,
+    compare_frames,
     known_scans,
     skin_of,
     truth_shown,
     write_frames,
 )
 from drapeline.models.contract import Stopwatch
+from drapeline.outfits.garment_types import GARMENT4D_TYPES
+from toys.jobs import job_of
 from toys.metric_rows import find_value
-from toys.tiny_sample import write_tiny_sample
+from toys.tiny_sample import TIGHTNESS, write_tiny_sample
+
+ABOUT = {"garments": GARMENT4D_TYPES, "split": "test", "seed": 3}
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +76,8 @@ def raised(*heights):
     return answer
 
 
-def rows_of(scans, answer, model=SCAN):
-    return compare_scan_fits(scans, answer, Stopwatch(), model=model, split="test", seed=3)[0]
+def rows_of(scans, answer, model=SCAN, **told):
+    return compare_frames(scans, answer, Stopwatch(), model=model, **{**ABOUT, **told})[0]
 
 
 def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
@@ -85,7 +90,8 @@ def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
 
 def test_a_scan_of_a_sample_that_is_not_given_is_refused(tmp_path, toy_body, bodies):
     files, folders = scanned(tmp_path, toy_body, ["00003"])
-    with pytest.raises(DamagedFile, match=r"scans\.npz: has a scan of '00003', expected one of 1"):
+    sentence = r"scans\.npz: has a scan of '00003', expected one of the 1 samples"
+    with pytest.raises(DamagedFile, match=sentence):
         known_scans(files, folders[:1], bodies)
 
 
@@ -99,6 +105,7 @@ def test_a_person_is_known_up_to_the_frame(known, tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body)
     for one in known:
         person, frame = one.person, one.scan.frame
+        np.testing.assert_array_equal(person.tightness, TIGHTNESS)
         assert (person.sample, person.gender) == ("00001", one.scan.gender)
         assert len(person.poses) == len(person.trans) == frame + 1
         np.testing.assert_allclose(person.poses, tiny.poses[: frame + 1], atol=1e-5)
@@ -148,7 +155,7 @@ def test_costs_are_of_each_variant_for_one_garment(known, monkeypatch):
             clock.now += 6
         return raised(0.0, 0.02)(one)
 
-    _, _, costs = compare_scan_fits(known, answer, watch, model=MOVED, split="test", seed=3)
+    _, _, costs = compare_frames(known, answer, watch, model=MOVED, **ABOUT)
     garments = sum(len(one.true) for one in known)
     assert [one[:4] for one in costs] == [
         (MOVED, "raised_0.0", pytest.approx(4 * len(known) / garments), garments),
@@ -157,8 +164,7 @@ def test_costs_are_of_each_variant_for_one_garment(known, monkeypatch):
 
 
 def test_an_evaluation_leaves_rows_fits_and_costs(known, tmp_path):
-    about = {"model": MOVED, "split": "test", "seed": 3}
-    found = compare_scan_fits(known, raised(0.02), Stopwatch(), **about)
+    found = compare_frames(known, raised(0.02), Stopwatch(), model=MOVED, **ABOUT)
     write_frames(tmp_path / "moved", *found)
     rows, fits, costs = found
     read = read_metrics(tmp_path / "moved/metrics.tsv")
@@ -168,9 +174,7 @@ def test_an_evaluation_leaves_rows_fits_and_costs(known, tmp_path):
 
 
 def test_distances_are_those_of_the_fits_by_class(known):
-    rows, found, _ = compare_scan_fits(
-        known, raised(0.0, 0.02), Stopwatch(), model=SCAN, split="test", seed=3
-    )
+    rows, found, _ = compare_frames(known, raised(0.0, 0.02), Stopwatch(), model=SCAN, **ABOUT)
     assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {(SCAN, "test", 3)}
     classes = {name for one in known for name in one.classes.values()}
     assert set(rows["garment"]) == {ALL, COMMON, *classes}
@@ -195,6 +199,29 @@ def test_garments_that_all_models_know_have_rows_of_their_own(known):
     assert (common["value"], common["n"]) == (alone["value"], alone["n"])
     assert every.n == common.n + 1
     assert found([dress], COMMON) is None
+
+
+@pytest.mark.parametrize("garments", [["Skirt"], ["Tshirt", "Dress"], ["Skirt", "Tshirt"]])
+def test_which_garments_all_models_know_is_told(known, garments):
+    rows = rows_of(known, raised(0.0, 0.02), garments=garments)
+    alone = [
+        one._replace(true={name: mesh for name, mesh in one.true.items() if name in garments})
+        for one in known
+    ]
+    expected = rows_of(alone, raised(0.0, 0.02))
+    for variant in ("raised_0.0", "raised_0.02"):
+        common = find_value(rows, variant, "test", COMMON, "surface_to_true_mm")
+        own = find_value(expected, variant, "test", ALL, "surface_to_true_mm")
+        assert (common["value"], common["n"]) == (own["value"], own["n"])
+        every = find_value(rows, variant, "test", ALL, "surface_to_true_mm")
+        assert every.n == sum(len(one.true) for one in known)
+
+
+def test_jobs_tell_which_garments_all_models_know(known, tmp_path):
+    told = {**ABOUT, "garments": ["Tshirt"]}
+    answer_frames(job_of({}, tmp_path / "moved", **told), known, raised(0.02), Stopwatch(), MOVED)
+    rows = read_metrics(tmp_path / "moved/metrics.tsv")
+    assert find_value(rows, "raised_0.02", "test", COMMON, "surface_to_true_mm").n == len(known)
 
 
 def test_garments_of_several_solvers_have_rows_of_their_own_besides_those_of_all(known):

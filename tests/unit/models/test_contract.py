@@ -72,6 +72,8 @@ def test_all_models_are_fitted_to_the_same_scans_and_move_the_same_garments(plan
         assert evaluation.tables == (table,)
         for key, expected in files.known_scans(kind).items():
             assert evaluation.task.input[key] == expected != []
+        for key, expected in files.compared.items():
+            assert evaluation.task.params[key] == expected
         if name != "moved":
             assert evaluation.task.params["kind"] == kind
             assert kind in SCANNED

@@ -168,6 +168,7 @@ ABOUT = {
     "clips": {"train": ["jump", "walk"], "val": ["spin"], "test": []},
     "learned": ["00001", "s00001"],
     "config": "mine.yaml",
+    "body_files": [],
 }
 
 
@@ -261,3 +262,15 @@ def test_every_model_that_comes_along_is_packed_with_its_card(trained, weights, 
         assert (weights / name / CARD).read_text().startswith(f"# {name}\n")
     assert "12.5 [" in (weights / "toy" / CARD).read_text()
     assert "12.5 [" not in (weights / "rest/toy" / CARD).read_text()
+
+
+def test_models_of_bodies_of_ones_own_are_not_packed(trained, weights, tmp_path):
+    """Their licence is not ours to give on."""
+    packages = {"toy": PACKAGE._replace(folder=str(trained))._asdict()}
+    about = {**ABOUT, "body_files": ["bodies/SMPL_FEMALE.pkl", "bodies/SMPL_MALE.pkl"]}
+    metrics_of(tmp_path / "metrics.tsv")
+    given = {"metrics": tmp_path / "metrics.tsv"}
+    sentence = "body.files names bodies/SMPL_FEMALE.pkl, bodies/SMPL_MALE.pkl, whose licence"
+    with pytest.raises(InputError, match=sentence):
+        pack_models(job_of(given, weights, models=packages, about=about))
+    assert not weights.exists()

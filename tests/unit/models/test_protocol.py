@@ -19,8 +19,8 @@ from drapeline.metrics.table import ALL, METRICS_FILE, join, read_metrics, summa
 from drapeline.models.compare import (
     MOVED,
     SCANNED,
+    compare_frames,
     compare_representations,
-    compare_scan_fits,
     held_out_garments,
     known_scans,
 )
@@ -36,6 +36,7 @@ from toys.jobs import job_of
 from toys.metric_rows import find_value
 from toys.protocol import SAMPLES, TOLD, save_cases
 from toys.smplicit import toy_bodies, toy_outfits
+from toys.tiny_sample import TIGHTNESS
 
 QUESTIONS = ("rest", "motion", "points", "worse_points", "picture")
 # Rows of which model answer them.
@@ -135,8 +136,8 @@ def test_no_file_tells_where_cloth_is_that_is_asked_for(asked):
     seen = {*told, "points", "labels", "label_names"}
     pictured = {"pixels", "label_names", "intrinsics", "world_to_camera", "pose", "trans"}
     keys = {
-        "rest": {"wearer.npz/gender", "wearer.npz/shape"},
-        "motion": {f"wearer.npz/{name}" for name in told},
+        "rest": {f"wearer.npz/{name}" for name in ("gender", "shape", "tightness")},
+        "motion": {f"wearer.npz/{name}" for name in (*told, "tightness")},
         "points": {f"scan.npz/{name}" for name in seen},
         "worse_points": {f"scan.npz/{name}" for name in seen},
         "picture": {f"picture.npz/{name}" for name in pictured | {"gender", "shape"}},
@@ -151,6 +152,30 @@ def test_no_file_tells_where_cloth_is_that_is_asked_for(asked):
         shown = load_obj(asked.folder / question / case / f"{garment}.obj")
         at_rest = asked.true("rest" if question == "rest" else "picture", case, garment)
         np.testing.assert_allclose(shown.vertices, at_rest.vertices, atol=1e-6)
+
+
+def test_the_tightness_is_what_the_shape_is_changed_by(asked):
+    """For a woman, the first of two numbers is taken off it."""
+    data = StaticData(asked.given["data"])
+    registered = dict(zip(data.outfit.tolist(), data.tightness, strict=True))
+    for question, case, _ in asked.cases:
+        told = asked.arrays(question, case)
+        if question == "rest":
+            np.testing.assert_array_equal(told["wearer.npz/tightness"], registered[case])
+        elif question == "motion":
+            assert told["wearer.npz/gender"] == "female"
+            assert told["wearer.npz/tightness"].tolist() == [-TIGHTNESS[0], TIGHTNESS[1]]
+
+
+def test_a_motion_of_a_sample_without_tightness_is_asked_about(asked, tmp_path, monkeypatch):
+    def untold(*given):
+        known = known_scans(*given)
+        return [one._replace(person=one.person._replace(tightness=None)) for one in known]
+
+    monkeypatch.setattr("drapeline.models.protocol.known_scans", untold)
+    write_protocol(job_of(asked.given, tmp_path / "protocol", **TOLD))
+    with np.load(tmp_path / "protocol/motion/00001_001/wearer.npz") as wearer:
+        assert {*wearer.files} == {"gender", "shape", "poses", "trans"}
 
 
 def test_poses_of_a_motion_end_with_the_frame_that_is_asked_for(asked):
@@ -286,9 +311,8 @@ def test_motion_that_is_answered_is_scored_as_that_of_our_own_movers(asked, abou
         return {"skin": moved}
 
     answers = answer(tmp_path / "skin", asked, from_files, ["motion"])
-    expected, _, _ = compare_scan_fits(
-        asked.scans("clean"), move, Stopwatch(), model=MOVED, **about
-    )
+    told = {"garments": TOLD["garments"], **about}
+    expected, _, _ = compare_frames(asked.scans("clean"), move, Stopwatch(), model=MOVED, **told)
     assert_same_rows(asked.score(answers), expected)
     assert find_value(expected, "skin", "test", ALL, "surface_to_true_mm").value > 1
 
@@ -313,9 +337,8 @@ def test_garments_found_in_points_are_scored_as_those_of_our_own_fitters(
         return {"skin": {name: skinned(mesh, here, asked.body) for name, mesh in rest.items()}}
 
     answers = answer(tmp_path / "skin", asked, from_files, [question])
-    expected, _, _ = compare_scan_fits(
-        asked.scans(kind), fit, Stopwatch(), model=SCANNED[kind], **about
-    )
+    told = {"model": SCANNED[kind], "garments": TOLD["garments"], **about}
+    expected, _, _ = compare_frames(asked.scans(kind), fit, Stopwatch(), **told)
     assert_same_rows(asked.score(answers), expected)
     assert find_value(expected, "skin", "test", ALL, "surface_to_true_mm").value > 1
 
@@ -411,6 +434,20 @@ def test_an_answer_that_nobody_asked_for_is_named(asked, answers, place):
     path.parent.mkdir(exist_ok=True)
     shutil.copyfile(answers / "motion/00001_001/Skirt.obj", path)
     refused(asked, answers, f"{path}: answers no case of 'motion', expected one of cases.tsv's")
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        *("motions/00001_001/Skirt.obj", "motion/00001_001/Skirt.ply", "motion/Skirt.obj"),
+        *("motion/00001_001/final/Skirt.obj", "Skirt.obj", "motion/00001_001/Skirt.OBJ"),
+    ],
+)
+def test_a_file_that_is_no_answer_is_named(asked, answers, place):
+    path = answers / place
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(answers / "motion/00001_001/Tshirt.obj", path)
+    refused(asked, answers, f"{path}: is no answer, expected .question./.case./.garment..obj")
 
 
 def test_a_folder_without_answers_is_refused(asked, tmp_path):

@@ -2,6 +2,7 @@
 
 import pytest
 
+from drapeline.models.smplicit.garments import MODEL_OF_GARMENT
 from drapeline.outfits.garment_types import (
     GARMENT4D_TYPES,
     GARMENT_TYPES,
@@ -12,6 +13,7 @@ from drapeline.outfits.garment_types import (
     GarmentType,
     first_of_each,
     layered,
+    part_of_body,
 )
 
 
@@ -47,6 +49,10 @@ def test_every_type_is_worn_and_every_outfit_covers_both_halves_of_the_body_once
 )
 def test_the_parts_of_a_garment_follow_from_its_region_and_its_legs(kind, parts):
     assert kind.parts == parts
+
+
+def test_parts_of_the_body_are_those_that_smplicit_has_models_of():
+    assert {garment: part_of_body(garment) for garment in GARMENTS} == MODEL_OF_GARMENT
 
 
 def test_the_first_of_each_type_comes_in_the_order_of_types_and_no_more_is_read():

@@ -27,7 +27,12 @@ def submit(args):
         "volumeMounts": [{"name": "shared", "mountPath": args.folder}],
     }
     volume = {"name": "shared", "persistentVolumeClaim": {"claimName": args.claim}}
-    pod = {"restartPolicy": "Never", "containers": [container], "volumes": [volume]}
+    pod = {
+        "activeDeadlineSeconds": 60 * args.minutes,  # from when it is on a node
+        "restartPolicy": "Never",
+        "containers": [container],
+        "volumes": [volume],
+    }
     job = {
         "apiVersion": "batch/v1",
         "kind": "Job",
@@ -39,8 +44,9 @@ def submit(args):
 
 
 def status(args):
-    """Print "running", "success" or "failed"."""
-    counts = json.loads(kubectl("get", args.job, "-o", "json")).get("status", {})
+    """Print "running", "success" or "failed"; a job that is gone has failed."""
+    found = kubectl("get", args.job, "--ignore-not-found", "-o", "json")
+    counts = json.loads(found).get("status", {}) if found.strip() else {"failed": 1}
     states = [
         word for key, word in (("succeeded", "success"), ("failed", "failed")) if counts.get(key)
     ]
@@ -64,7 +70,7 @@ def main():
     one = commands.add_parser("submit")
     for name in ("image", "claim", "folder", "name"):
         one.add_argument(f"--{name}", required=True)
-    for name in ("cores", "mb", "gpus"):
+    for name in ("cores", "mb", "gpus", "minutes"):
         one.add_argument(f"--{name}", type=int, required=True)
     one.add_argument("script")
     one.set_defaults(run=submit)

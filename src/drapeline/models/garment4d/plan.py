@@ -407,7 +407,7 @@ class _Garment4dTasks:
                 "data": files.static,
                 "outfits": files.outfits_at_rest,
             },
-            {"garments": files.compared_garments, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            self.files.compared,
             seconds=1200,
             megabytes=2500,
             checks=[files.resting_in(*EVALUATED_SPLITS)],
@@ -423,7 +423,7 @@ class _Garment4dTasks:
                 "ours": [f"{self.folder}/{garment}/ours" for garment in self.garments],
                 "networks": [f"{self.folder}/{garment}/posed" for garment in self.garments],
             },
-            {"kind": kind, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {"kind": kind, **self.files.compared},
             seconds=4800,
             megabytes=2500,
             modules=[OUR_SOLVER],
@@ -437,8 +437,7 @@ class _Garment4dTasks:
                 # As printed, since true garments have short edges.
                 "skinning": {**self.settings["skinning"], "passes": _PRINTED_PASSES},
                 "body_points": self.settings["body_points"],
-                "split": EVALUATED_SPLITS[0],
-                "seed": self.seed,
+                **self.files.compared,
             },
             seconds=600,
             megabytes=1500,
@@ -468,7 +467,7 @@ class _Garment4dTasks:
             ("garment4d",),
             ("ours", "label_by_vertex", "one_label"),
             ("segmentation_accuracy",),
-            self.garments,
+            GARMENTS,
         )
         return {**ours, "labels": labels}
 

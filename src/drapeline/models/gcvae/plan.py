@@ -439,9 +439,7 @@ class _GcvaeTasks:
             },
             {
                 "components": self.settings["evaluation"]["pca_components"],
-                "garments": self.files.compared_garments,
-                "split": EVALUATED_SPLITS[0],
-                "seed": self.seed,
+                **self.files.compared,
             },
             seconds=1800,
             megabytes=2500,
@@ -451,13 +449,15 @@ class _GcvaeTasks:
     def _compare_other_codes(self) -> Task:
         task, models = self._compare(), [f"{self.folder}/{name}" for name in SHORT_SVAES]
         run = f"{_HERE}.evaluate:compare_other_codes"
-        return task._replace(run=run, input={**task.input, "models": models})
+        return task._replace(
+            run=run, input={**task.input, "models": models}, params=self.files.compared
+        )
 
     def _fit_scans(self, kind: str) -> Task:
         return Task(
             f"{_HERE}.evaluate:fit_codes_to_scans",
             {**self.files.bodies, **self.files.known_scans(kind), "models": self._static_models()},
-            {"kind": kind, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {"kind": kind, **self.files.compared},
             seconds=4800,
             megabytes=2500,
         )
@@ -474,7 +474,7 @@ class _GcvaeTasks:
                 "static": self.static,
                 "data": self.files.dynamic(version),
             },
-            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            self.files.compared,
             seconds=1200,
             megabytes=2500,
         )
@@ -489,7 +489,7 @@ class _GcvaeTasks:
                 "outfits": files.shards_of(files.outfits, files.scanned),
                 "motions": files.shards_of(files.moving_bodies, files.scanned),
             },
-            {"solver": files.hanging_solver, "split": EVALUATED_SPLITS[0], "seed": self.seed},
+            {"solver": files.hanging_solver, **files.compared},
             seconds=60 + 20 * len(files.scanned),
             megabytes=1500,
             modules=[files.hanging_solver],

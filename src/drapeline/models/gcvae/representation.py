@@ -141,8 +141,9 @@ class CodeScanFitter:
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
         """All garments of the scan, by each model, also moved to the points."""
-        posed = pose_body(self._bodies[scan.gender], body.shape, body.pose, body.trans)
-        rest_points = move_to_rest(scan.points, posed, 1).places
+        with self.watch.of(*(f"{name}{end}" for name in self._models for end in ("", "_moved"))):
+            posed = pose_body(self._bodies[scan.gender], body.shape, body.pose, body.trans)
+            rest_points = move_to_rest(scan.points, posed, 1).places
         fits = {}
         for variant, model in self._models.items():
             garments, moved = {}, f"{variant}_moved"

@@ -62,7 +62,7 @@ def pictures_of_job(
     """The pictures that models are evaluated on, the same for all of them.
 
     Args:
-        job: with `samples`, and told what `plan.pictured_samples` says and the `seed`.
+        job: with `samples`, and told what `plan.pictured_samples` says.
         bodies: by gender.
         known: classes to look for; garments of others are only in the way.
 
@@ -79,7 +79,7 @@ def pictures_of_job(
             f"all {len(params.samples) + len(params.others)} samples of the {params.split} split"
             " that pictures were wanted of were rejected, expected one that is accepted"
         )
-    how = {"size_px": params.size_px, "seed": params.seed}
+    how = {"size_px": params.size_px, "seed": params.picture_seed}
     pictures = take_pictures(spread, bodies, known, count=params.pictures, **how)
     return pictures + take_pictures(others, bodies, known, count=len(others), **how)
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from drapeline.experiment.files import EVALUATED_SPLITS, ExperimentFiles
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.garment_types import part_of_body
 
 
 def pictured_samples(files: ExperimentFiles) -> dict[str, Any]:
@@ -20,22 +20,18 @@ def pictured_samples(files: ExperimentFiles) -> dict[str, Any]:
         return any(part_of_body(garment) in models for garment in plan.outfit_type.split("+"))
 
     published = {group.name for group in files.published}
-    some = files.first_of_split(asked["others"], split, is_wanted)
+    some = files.first_of_split(asked["others"], split, is_wanted, files.shared)
     return {
         "split": split,
         "samples": [
             plan.sample
-            for group in files.published
+            for group in files.shared
+            if group.published
             for plan in group.plans
             if plan.split == split and is_wanted(plan)
         ],
         "pictures": asked["count"],
         "others": [one for one in some if files.places[one]["group"] not in published],
         "size_px": asked["size_px"],
+        "picture_seed": files.config["seed"],
     }
-
-
-def part_of_body(garment: str) -> str:
-    """What a garment type covers: "upper", "trousers", "skirt" or "whole"."""
-    parts = GARMENT_TYPES[garment].parts
-    return parts[0] if len(parts) == 1 else GARMENT_TYPES[garment].region

@@ -254,7 +254,7 @@ class _SmplicitTasks:
             {
                 **self.own.draping("fit_scans"),
                 "kind": kind,
-                "split": EVALUATED_SPLITS[0],
+                **self.files.compared,
                 "body": self.files.config["scans"]["body"],
             },
             seconds=4800,
@@ -266,7 +266,7 @@ class _SmplicitTasks:
         return Task(
             f"{_HERE}.scans.evaluate:move_garments_at_rest",
             {**self.files.bodies, **self.files.known_scans(CLEAN)},
-            {"split": EVALUATED_SPLITS[0], "seed": self.seed},
+            self.files.compared,
             seconds=600,
             megabytes=1500,
         )

@@ -200,7 +200,13 @@ def begin_with(module: nn.Module, start: Mapping[str, str], *, own: Collection[s
     weights = read_checkpoint(path).weights
     kept_names = {*own, *(name for name, _ in module.named_buffers())}
     kept = {name: value for name, value in module.state_dict().items() if name in kept_names}
-    load_state(module, Checkpoint(weights | kept, {}), path)
+    try:
+        load_state(module, Checkpoint(weights | kept, {}), path)
+    except InputError as error:
+        raise InputError(
+            f"init is package, but the network of {start['folder']} is of another size than the"
+            " config's, expected random, or a network of that size"
+        ) from error
     LOGGER.info("begins with the weights of %s", start["folder"])
 
 

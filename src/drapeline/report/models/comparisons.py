@@ -75,7 +75,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of fits to scans.
 
     Args:
-        metrics: table of metrics with the rows of `compare_scan_fits`.
+        metrics: table of metrics with the rows of `compare_frames`.
 
     Raises:
         InputError: the table is missing or unusable.
@@ -100,8 +100,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
             " 95 % intervals over clips. Models are compared on the garments that they know,"
             " so rows with other"
             f" numbers of garments are not about the same garments; the column"
-            f" '{COMMON.capitalize()}' has the means over t-shirts, trousers and skirts, which all"
-            " models know."
+            f" '{COMMON.capitalize()}' has the means over those that all models know."
         ],
         [
             *(

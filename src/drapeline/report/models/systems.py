@@ -19,6 +19,7 @@ from drapeline.schema import Table
 _DISTANCES = "surface_to_true_mm", "true_to_surface_mm"
 _SURFACES = *_DISTANCES, "normal_error_deg", "openings_right"
 _PICTURED = ("rest_to_true_mm", "true_to_rest_mm")
+_IN_PAIRS = "smplicit_images_fitted_in_pair"  # of people half hidden, which nobody else is asked
 PICTURE = "picture"
 _OF_COSTS = (
     "Of a core, for one garment at rest or one garment in one frame; what a sequence takes is"
@@ -91,8 +92,9 @@ def write_systems_page(path: str | Path, evaluated: Sequence[str | Path]) -> Non
         "Every system is asked the same questions on the same held-out samples, whose clips and"
         " bodies no model has seen. Distances are means over the area of surfaces, with 95 %"
         " intervals over clips, or over outfits at rest; an opening is a hem, a cuff or a neckline."
-        " Systems do not know the same garments: the tables have t-shirts, trousers and skirts,"
-        " which all of them know. The best of each column is green."
+        " Systems do not know the same garments: the tables have those that all of them know."
+        " What a system does not find at all has no distances, and openings that are not right. The"
+        " best of each column is green."
     )
     write_page(
         path,
@@ -111,7 +113,7 @@ def answers(measured: Table, question: Question) -> tuple[Table, MetricTable]:
         question: one of `QUESTIONS`.
     """
     if question.model == PICTURE:
-        part = measured[measured["metric"].isin(_PICTURED)]
+        part = measured[measured["metric"].isin(_PICTURED) & (measured["variant"] != _IN_PAIRS)]
         names = [*variants("picture"), *variants("smplicit"), *part["variant"]]
         return part, MetricTable(list(dict.fromkeys(names)), _PICTURED)
     part = measured[measured["model"] == question.model]

@@ -40,6 +40,13 @@ def test_labels_are_trained_once_with_the_clouds_of_all_that_is_worn(plan):
         check()
 
 
+def test_the_card_of_the_labels_names_every_type_and_that_of_our_model_its_own(plan):
+    packages = plan.packages
+    assert packages["labels"].garments == GARMENTS
+    for garment in TYPES:
+        assert packages[f"garment4d/{garment}"].garments == (garment,)
+
+
 def test_all_clouds_are_collected_without_a_fit_of_any_template(plan, files):
     given = plan.data["labelled"].input
     samples, clouds = (folders(given[key]) for key in ("samples", "clouds"))

@@ -7,12 +7,15 @@ from drapeline.dataset.reader import Sample
 from drapeline.generation.again import OTHER_SOLVER, REST_SHAPE, SampleAgain
 from drapeline.metrics.cost import read_costs
 from drapeline.metrics.predictions import FITTED, load_fitted_scans
+from drapeline.metrics.properties import COMMON
 from drapeline.metrics.table import ALL, METRICS_FILE, read_metrics
 from drapeline.models.gcvae import floor
 from drapeline.models.gcvae.floor import move_garments_again
 from toys.jobs import job_of
 from toys.metric_rows import find_value
 from toys.protocol import SAMPLES, save_cases
+
+TOLD = {"garments": ["Skirt"], "split": "test", "seed": 3}
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +45,7 @@ def test_each_way_has_rows_and_samples_that_broke_down_are_left_out(given, tmp_p
                 yield SampleAgain(folder.name, way, raised(folder, by_m))
 
     monkeypatch.setattr(floor, "simulate_samples_again", simulate)
-    move_garments_again(job_of(given, tmp_path / "again", split="test", seed=3))
+    move_garments_again(job_of(given, tmp_path / "again", **TOLD))
     assert asked == [*SAMPLES]
     rows = read_metrics(tmp_path / "again" / METRICS_FILE)
     assert {*rows["model"]} == {"moved"}
@@ -51,6 +54,8 @@ def test_each_way_has_rows_and_samples_that_broke_down_are_left_out(given, tmp_p
         to_true = find_value(rows, way, "test", ALL, "surface_to_true_mm")
         assert to_true.n == 4  # two garments in two frames of one sample
         assert (to_true.value == pytest.approx(0, abs=1e-3)) == (by_mm == 0)
+        # Of the two garments, all models know the skirt.
+        assert find_value(rows, way, "test", COMMON, "surface_to_true_mm").n == 2
     fits = load_fitted_scans(tmp_path / "again" / FITTED)
     assert {name.split("_")[0]: {*found} for name, found in fits.items()} == {
         name: {way} for name, (way, _) in ways.items()
@@ -72,7 +77,7 @@ def test_only_samples_that_were_scanned_are_simulated(given, tmp_path, monkeypat
         lambda job, folders, bodies: iter(asked.extend(one.name for one in folders) or ()),
     )
     none = save_cases(tmp_path / "none", toy_body, window=1, scanned=SAMPLES[1:])
-    job = job_of({**given, "scans": none["clean_scans"]}, tmp_path / "out", split="test", seed=3)
+    job = job_of({**given, "scans": none["clean_scans"]}, tmp_path / "out", **TOLD)
     move_garments_again(job)
     assert asked == [*SAMPLES[1:]]
     assert not len(read_metrics(tmp_path / "out" / METRICS_FILE))

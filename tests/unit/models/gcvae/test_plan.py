@@ -75,9 +75,18 @@ def test_pictures_are_those_that_smplicit_is_evaluated_on():
     files = files_of(TINY)
     own = MODEL.plan(files).evaluations["evaluated/pictures"].task
     theirs = SMPLICIT.plan(files).evaluations["evaluated/images"].task
-    for name in ("split", "samples", "pictures", "others", "size_px", "seed"):
+    for name in ("split", "samples", "pictures", "others", "size_px", "seed", "picture_seed"):
         assert own.params[name] == theirs.params[name]
     assert own.input["samples"] == theirs.input["samples"]
+
+
+def test_comparisons_with_other_models_are_of_garments_that_all_of_them_know():
+    files = files_of({**TINY, "smplicit": {**TINY["smplicit"], "models": ["skirt"]}})
+    evaluations = MODEL.plan(files).evaluations
+    for name in ("representations", "other_codes", "moved_again"):
+        params = evaluations[f"evaluated/{name}"].task.params
+        assert {key: params[key] for key in files.compared} == files.compared
+        assert params["garments"] == ["Skirt"]
 
 
 def test_the_network_learns_the_codes_that_are_shown():

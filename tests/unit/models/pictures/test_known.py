@@ -3,8 +3,9 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.geometry.mesh import triangulate
-from drapeline.models.pictures.known import take_pictures
+from drapeline.models.pictures.known import pictures_of_job, take_pictures
 from drapeline.models.pictures.read import CLASSES
+from toys.jobs import job_of
 from toys.smplicit import toy_bodies
 from toys.tiny_sample import write_tiny_sample
 
@@ -55,6 +56,22 @@ def test_pictures_are_spread_over_samples(toy_body, tmp_path, count, expected):
     )
     assert [int(known.picture.name.split("_")[0]) for known in pictures] == expected
     assert len({known.picture.name for known in pictures}) == count
+
+
+def test_the_seed_of_trainings_changes_no_picture(tiny, toy_body, tmp_path):
+    def seen(seed, picture_seed):
+        told = {"samples": ["00001"], "others": [], "split": "train", "pictures": 1, "size_px": 32}
+        job = job_of(
+            {"samples": [tiny.folder.parent]},
+            tmp_path / "out",
+            **{**told, "seed": seed, "picture_seed": picture_seed},
+        )
+        (known,) = pictures_of_job(job, toy_bodies(toy_body), ["skirt"])
+        return known.picture.classes
+
+    first = seen(1, 3)
+    np.testing.assert_array_equal(first, seen(2, 3))
+    assert not np.array_equal(first, seen(1, 4))
 
 
 def test_only_known_garments_are_looked_for(pictures):

@@ -17,7 +17,7 @@ from drapeline.metrics.table import join
 from drapeline.models.compare import (
     SCANNED,
     body_rows,
-    compare_scan_fits,
+    compare_frames,
     known_scans,
     skin_of,
     truth_shown,
@@ -135,8 +135,12 @@ def fit_to_scans(job: Job) -> None:
     fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
     fitter = SmplicitScanFitter(models, *fits, job_draper(job, settings.hang_frames))
     about = {"model": SCANNED[params.kind], "split": params.split, "seed": params.seed}
-    rows, found, costs = compare_scan_fits(
-        scans, lambda known: fitter.fit(known.scan, known.body), fitter.watch, **about
+    rows, found, costs = compare_frames(
+        scans,
+        lambda known: fitter.fit(known.scan, known.body),
+        fitter.watch,
+        garments=params.garments,
+        **about,
     )
     states = {
         "scan_body_estimated": [known.scan.estimate for known in scans],
