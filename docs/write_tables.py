@@ -23,14 +23,12 @@ import pandas as pd
 from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SPLITS, SampleRecord, clip_name, read_record, solver_name
 from drapeline.dataset.shards import samples_of
-from drapeline.metrics.cost import COST_FILE, read_costs
 from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.shared import TRAINING_ERROR
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENT4D_TYPES, GARMENTS
 from drapeline.report.dataset.health import MEASURES
-from drapeline.report.models.systems import QUESTIONS, Question, answers, cost_rows
 from drapeline.report.registration_table import SUMMARY
 from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
 from drapeline.report.times import ALL as ALL_RULES
@@ -141,7 +139,6 @@ class Results:
         folder: of the experiment.
         metrics: rows of its `metrics.tsv`, of the test split.
         records: its samples in motion by group, rejected ones too.
-        systems: likewise, of the comparison of all systems; empty where there is none.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -151,8 +148,6 @@ class Results:
             group.name: list(map(read_record, samples_of(sorted(group.glob("[!.]*")))))
             for group in sorted((folder / "samples").glob("[!.]*"))
         }
-        systems = folder / "systems.tsv"
-        self.systems = read_test_metrics(systems) if systems.is_file() else self.metrics.iloc[:0]
 
     @cached_property
     def times(self) -> pd.DataFrame:
@@ -390,27 +385,11 @@ def _metrics(table: MetricTable, results: Results) -> str:
     return markdown(table.rows(results.metrics))
 
 
-def _systems(question: Question, results: Results) -> str:
-    part, table = answers(results.systems, question)
-    return markdown(table.rows(part))
-
-
-def systems_costs(results: Results) -> str:
-    """What each system takes for an answer."""
-    found = read_costs(sorted(path.parent for path in results.folder.glob(f"*/**/{COST_FILE}")))
-    shown = results.systems[["model", "variant"]].drop_duplicates()
-    return markdown(cost_rows(found.merge(shown)))
-
-
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
-        for table in (
-            *(origin, times, costs, health, health_fast, learning_group, registration),
-            systems_costs,
-        )
+        for table in (origin, times, costs, health, health_fast, learning_group, registration)
     },
-    **{f"systems_{question.model}": partial(_systems, question) for question in QUESTIONS},
     **{name: partial(_metrics, table) for name, table in METRIC_TABLES.items()},
 }
 

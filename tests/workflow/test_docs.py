@@ -255,7 +255,9 @@ def test_commands_name_targets_files_and_programs_that_exist(page):
     for words in commands(page):
         program, *rest = words
         if program.startswith(".venv/bin/"):
-            assert program.removeprefix(".venv/bin/") in {"python", "snakemake", "tensorboard"}
+            assert program.removeprefix(".venv/bin/") in {
+                *("drapeline", "python", "snakemake", "tensorboard")
+            }
         assert program != "snakemake", f"{page.name}: it is .venv/bin/snakemake"
         if program == "make":
             named = [word for word in rest if "=" not in word]
