@@ -41,10 +41,10 @@ def load(folder: str | Path) -> Any:
 
     Args:
         folder: name of a model that comes with drapeline, "gcvae", "labels", or such as
-            "garment4d/Skirt"; or the folder of a model of garments at rest,
-            such as `results/gcvae/svae`; of a garment type of Garment4D, such as
-            `results/garment4d/Skirt` for our model, or the paper's networks in its folder `posed`;
-            of labels, `results/garment4d/labels`; or of SMPLicit, such as `results/smplicit/upper`.
+            "garment4d/Skirt"; or the folder of a model of garments at rest, such as
+            `results/gcvae/svae`; of a garment type of Garment4D, such as `results/garment4d/Skirt`
+            for our model, or the paper's networks in its folder `posed`; of labels,
+            `results/garment4d/labels`; or of SMPLicit, such as `results/smplicit/upper`.
 
     Returns:
         A `StaticModel` with `sample`, `encode` and `decode`, a `ReconstructionModel` with

@@ -77,8 +77,8 @@ question is to be answered from its own folder alone, and from what was learned 
 Garments at rest are worn in the pose `rest_pose` of `bodies/rest_pose.npz`, their root joint at the origin.
 Bodies are SMPL-format files, `bodies/{gender}.npz`; `poses` (T, 72) are axis-angles, `trans` (T, 3)
 the root joint, `shape` (10,) coefficients, and `tightness` (2,) is what was added to the first two of them when
-the garments were made: they fit this body. A picture's body has one `pose` (72,), its root joint, `trans` (3,), in the
-camera's world. `points` (T, P, 3) have `labels` (T, P), indices into
+the garments were made, which fit that body. The body of a picture has one `pose` (72,) and its root joint `trans` (3,), in
+a world whose Z is up. `points` (T, P, 3) have `labels` (T, P), indices into
 `label_names`; so have a picture's `pixels` (H, W), with `intrinsics` (3, 3) and `world_to_camera` (4, 4).
 """  # noqa: E501
 

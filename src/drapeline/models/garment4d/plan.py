@@ -467,9 +467,16 @@ class _Garment4dTasks:
             ("garment4d",),
             ("ours", "label_by_vertex", "one_label"),
             ("segmentation_accuracy",),
-            GARMENTS,
+            tuple(name for name in GARMENTS if self._is_learned(name)),
         )
         return {**ours, "labels": labels}
+
+    def _is_learned(self, garment: str) -> bool:
+        """Whether anybody in the training split wears it."""
+        moving = [self.files.moving_plans[sample] for sample in self.own.wearers[garment]]
+        return garment in self.files.types_at_rest("train") or any(
+            plan.split == "train" for plan in moving
+        )
 
     def figures(self) -> dict[str, Figure]:
         """Tables 2 to 4 of the paper, and its figures."""
